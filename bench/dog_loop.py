@@ -22,11 +22,11 @@ import psutil
 from bench.common import cpu_seconds, line, quantiles, twin_of
 from fleet import Vector3, Velocity
 from fleet.clock import SystemClock
+from fleet.link.canbus.bus import Bus
 from fleet.model.report import Report
 from fleet.testing.robot import RecordingRobot, serve
 from fleet_quadruped import QuadrupedAdapter, QuadrupedConfig
 from fleet_quadruped.body.machine import BodyRequest
-from fleet_quadruped.can.bus import CanConnection
 from fleet_quadruped.control.controller import Controller
 from fleet_quadruped.control.loop import Loop
 from fleet_quadruped.control.orders import Activity, DogState, Order
@@ -75,7 +75,7 @@ class Script:
 
 def controller(url: str, seconds: float) -> None:
     clock = SystemClock()
-    bus = CanConnection("a", url, 1_000_000, clock)
+    bus = Bus("a", url, 1_000_000, clock)
     script = Script(seconds)
     script.controller = Timed(DOG, {"a": bus})
     script.controller.drives.configure()

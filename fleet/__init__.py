@@ -23,6 +23,7 @@ if TYPE_CHECKING:
         TimedOut,
         Unsupported,
     )
+    from fleet.link.canbus.frame import CanFrame as CanFrame
     from fleet.link.framing import DatagramFraming, LineFraming
     from fleet.link.url import LinkText, open_link, opened_link
     from fleet.model.command import Command
@@ -54,6 +55,7 @@ _HOME = {
         "TimedOut",
         "Unsupported",
     ),
+    "fleet.link.canbus.frame": ("CanFrame",),
     "fleet.link.framing": ("LineFraming", "DatagramFraming"),
     "fleet.link.url": ("LinkText", "open_link", "opened_link"),
     "fleet.model.command": ("Command",),
@@ -78,6 +80,7 @@ __all__ = [
     "Adapter",
     "AdapterConfig",
     "BatteryReport",
+    "CanFrame",
     "Clock",
     "Command",
     "DatagramFraming",

@@ -9,15 +9,17 @@ from typing import NamedTuple
 
 from fleet.clock import Clock
 from fleet.errors import LinkRefused
-from fleet_quadruped.can.bus import CanConnection
+from fleet.link.canbus.bus import Bus
+from fleet.link.canbus.frame import CanBus, CanFrame
 from fleet_quadruped.can.bus_guard import require_sole_controller
-from fleet_quadruped.can.frame import CanBus, CanFrame
 from fleet_quadruped.drives import drives_of
 from fleet_quadruped.drives.base import HOLDING, JointFeedback, Power
 from fleet_quadruped.drives.cia402.frames import HEARTBEAT, MASTER, RPDO1, SDO_REQUEST, SDO_RESPONSE, SYNC
 from fleet_quadruped.drives.mit.frames import Layout, MitCommand
 from fleet_quadruped.drives.mit.profiles import PROFILES
+from fleet_quadruped.drives.moteus.frames import to_servo
 from fleet_quadruped.frames import FrameDecoder
+from fleet_quadruped.robot import parts
 from fleet_quadruped.robot.description import DogDescription, Joint
 from fleet_quadruped.robot.names import Twelve
 from fleet_quadruped.selfwalk.controller import SelfWalkController
@@ -29,19 +31,21 @@ _GIVE_WAY = Layout(PROFILES["damiao-8006"]).pack_command(MitCommand(kd=3.0))
 _IDS = range(1, 128)
 _ANSWERED = 0x43
 _MOTORS = range(1, 16)
-_ORDERS = frozenset({SYNC, HEARTBEAT + MASTER, *_MOTORS, *(RPDO1 + number for number in _IDS)})
+_ORDERS = frozenset(
+    {*map(to_servo, _IDS), SYNC, HEARTBEAT + MASTER, *_MOTORS, *(RPDO1 + number for number in _IDS)}
+)
 """Frames that only a controller sends, whatever its drives are."""
 
 
 @contextlib.contextmanager
 def open_buses(
-    urls: Mapping[str, str], bitrates: Mapping[str, int], clock: Clock
+    urls: Mapping[str, str], described: Mapping[str, parts.Bus], clock: Clock
 ) -> Iterator[dict[str, CanBus]]:
     """Open buses for the time of a block; raises LinkLost or LinkRefused."""
     with contextlib.ExitStack() as stack:
         buses: dict[str, CanBus] = {}
         for name, url in urls.items():
-            bus = CanConnection(name, url, bitrates.get(name, 1_000_000), clock)
+            bus = Bus(name, url, described[name].bitrate, clock, described[name].data_bitrate)
             stack.callback(bus.close)
             buses[name] = bus
         yield buses

@@ -11,11 +11,11 @@ import click
 
 from fleet.clock import SystemClock
 from fleet.errors import ConfigError, LinkRefused
+from fleet.link.canbus.frame import CanBus
 from fleet_quadruped import commissioning
 from fleet_quadruped.any_description import AnyBody, load_body
 from fleet_quadruped.bench_tools import BenchSession, listen, offsets, open_buses, problems, scan
 from fleet_quadruped.can.capture import read_capture
-from fleet_quadruped.can.frame import CanBus
 from fleet_quadruped.check_moves import Moves
 from fleet_quadruped.commissioning import at_rest
 from fleet_quadruped.control.controller import Controller
@@ -34,6 +34,7 @@ from fleet_quadruped.jog import (
 from fleet_quadruped.replay import Replay
 from fleet_quadruped.robot.description import DogDescription
 from fleet_quadruped.robot.names import JOINTS
+from fleet_quadruped.robot.parts import Bus
 from fleet_quadruped.selfwalk.description import SelfWalker
 
 _BODY = click.argument("body", type=click.Path(dir_okay=False, path_type=Path))
@@ -59,7 +60,7 @@ def _show(lines: list[str]) -> None:
 def scan_command(url: str, bitrate: int) -> int:
     """List the devices that answer on a bus (can:socketcan:can0)."""
     clock = SystemClock()
-    with open_buses({"bus": url}, {"bus": bitrate}, clock) as buses:
+    with open_buses({"bus": url}, {"bus": Bus(bitrate=bitrate)}, clock) as buses:
         found = scan(buses["bus"], clock)
     _show([*found, f"{len(found)} devices"])
     return 0 if found else 1
@@ -83,7 +84,7 @@ def check_command(body: Path, buses: tuple[str, ...], *, move: bool) -> int:
             raise LinkRefused("--move needs the --bus of each drive")
         _show([*lines, f"{body}: ok; add --bus to look at the drives"])
         return 0
-    with open_buses(_urls(dog, buses), _bitrates(dog), SystemClock()) as opened:
+    with open_buses(_urls(dog, buses), dog.buses, SystemClock()) as opened:
         if isinstance(dog, DogDescription):
             found, good = _checked(dog, opened, move=move)
         else:
@@ -117,12 +118,12 @@ def monitor_command(body: Path, buses: tuple[str, ...], seconds: float) -> int:
     """Show joints once a second: angle, torque, state, age of the feedback; frames a second."""
     dog = load_body(body)
     if isinstance(dog, SelfWalker):
-        with open_buses(_urls(dog, buses), _bitrates(dog), SystemClock()) as opened:
+        with open_buses(_urls(dog, buses), dog.buses, SystemClock()) as opened:
             for _ in range(max(1, round(seconds))):
                 heard = listen(dog, opened, SystemClock())
                 _show([*(f"{name:8} {value:9.3f}" for name, value in heard.values.items()), *heard.missing])
         return 0
-    with open_buses(_urls(dog, buses), _bitrates(dog), SystemClock()) as opened:
+    with open_buses(_urls(dog, buses), dog.buses, SystemClock()) as opened:
         clock = SystemClock()
         bench = BenchSession(dog, opened, clock)
         for _ in range(max(1, round(seconds))):
@@ -166,7 +167,7 @@ def calibrate_command(body: Path, buses: tuple[str, ...], pose: str, *, yes: boo
     if not yes:
         click.confirm(f"Is the dog in the pose {pose!r}, and are its drives off?", abort=True, err=True)
     wanted = dog.posture(dog.poses.fold) if pose == "fold" else dog.stance(dog.gait.height)
-    with open_buses(_urls(dog, buses), _bitrates(dog), SystemClock()) as opened:
+    with open_buses(_urls(dog, buses), dog.buses, SystemClock()) as opened:
         told = BenchSession(dog, opened, SystemClock()).settle()
     silent = [line for line in problems(dog.all_joints, told) if "is silent" in line]
     if silent:
@@ -206,7 +207,7 @@ def jog_command(body: Path, buses: tuple[str, ...], name: str, degrees: float, t
     )
     click.confirm("Does the dog hang free, and is everybody clear?", abort=True, err=True)
     pressed = Pressed()
-    with open_buses(_urls(dog, buses), _bitrates(dog), SystemClock()) as opened:
+    with open_buses(_urls(dog, buses), dog.buses, SystemClock()) as opened:
         jogger = Jogger(dog, opened, SystemClock(), jog, pressed)
         try:
             with pressed.watching():
@@ -238,7 +239,3 @@ def _urls(dog: AnyBody, given: tuple[str, ...]) -> dict[str, str]:
     if set(urls) != set(dog.buses):
         raise LinkRefused(f"give --bus NAME=URL for each of {', '.join(dog.buses)}")
     return urls
-
-
-def _bitrates(dog: AnyBody) -> dict[str, int]:
-    return {name: bus.bitrate for name, bus in dog.buses.items()}

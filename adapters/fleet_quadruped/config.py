@@ -10,9 +10,9 @@ from pydantic import AfterValidator, Field, model_validator
 
 from fleet import AdapterConfig
 from fleet.camera.picture import CameraText
+from fleet.link.canbus.bus import BusText
 from fleet.sim.faults import parse_faults
 from fleet.yaml_model import ExistingPath, NewPath
-from fleet_quadruped.can.bus import BusText
 from fleet_quadruped.robot.description import EXAMPLE
 from fleet_quadruped.sim.faults import ALL_FAULTS, WALKER_FAULTS
 from fleet_quadruped.sim.worlds import WORLDS

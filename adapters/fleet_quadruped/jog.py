@@ -22,9 +22,9 @@ from typing import NamedTuple
 
 from fleet.clock import Clock
 from fleet.errors import Fault, LinkError, LinkLost, Refused
+from fleet.link.canbus.frame import CanBus
 from fleet_quadruped.bench_tools import BenchSession, problems
 from fleet_quadruped.body.measured import Targets
-from fleet_quadruped.can.frame import CanBus
 from fleet_quadruped.drives.base import JointFeedback, Power
 from fleet_quadruped.robot.description import DogDescription, Joint
 

@@ -8,6 +8,7 @@ key                                    what
 ``fleet/{edge}/workers/{worker}``      liveliness: the worker process is there
 ``fleet/{edge}/workers/{worker}/beat``   publication: the worker's event loop turns
 ``fleet/{edge}/claims/{twin}/{since}``  liveliness: the edge wants the twin, since (Unix ms), or ``-held``
+``fleet/{edge}/workers/{worker}/reload``  ask: take a changed drop-in file into use, while its robots rest
 ``fleet/{edge}/workers/{worker}/halt``   publication: the worker is given up, its robots are halted
 ``fleet/{edge}/robots/{robot}/command``  ask; the answers are its receipt and its end
 ``fleet/{edge}/robots/{robot}/video``  ask: start or stop video; a program that sends it answers
@@ -91,6 +92,11 @@ def heartbeat(edge_id: str, name: str) -> str:
 def halt(edge_id: str, name: str) -> str:
     """Return the key on which a worker that is given up is told to halt its robots."""
     return f"fleet/{edge_id}/workers/{name}/halt"
+
+
+def reload(edge_id: str, name: str) -> str:
+    """Return the key on which a worker is asked to take a changed drop-in file into use."""
+    return f"fleet/{edge_id}/workers/{name}/reload"
 
 
 def held(edge_id: str) -> str:

@@ -10,6 +10,8 @@ import click
 import msgspec
 
 from fleet.cli import command_text
+from fleet.cli.adapters_new import new
+from fleet.cli.adapters_reload import reload
 from fleet.cli.output import Output, with_output
 from fleet.config.load import registry_for
 from fleet.config.text import nearest
@@ -36,11 +38,33 @@ def registry_of(file: str | None) -> Registry:
     return registry_for(file or "fleet.yaml")
 
 
-@click.command()
+class _ShownByDefault(click.Group):
+    """A group that shows when it is told nothing else."""
+
+    def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
+        """Put ``show`` in front of a line that names no command."""
+        if not args or (args[0] not in self.commands and args[0] not in ctx.help_option_names):
+            args = ["show", *args]
+        return super().parse_args(ctx, args)
+
+
+@click.group(cls=_ShownByDefault)
+def adapters() -> None:
+    """Show the kinds of robots that can be used, make new ones, reload changed ones.
+
+    Without a command it shows them; with a NAME all that this one takes.
+    """
+
+
+adapters.add_command(new)
+adapters.add_command(reload)
+
+
+@adapters.command("show")
 @click.argument("name", required=False)
 @file_option
 @with_output
-def adapters(out: Output, name: str | None, file: str | None) -> None:
+def show(out: Output, name: str | None, file: str | None) -> None:
     """Show the kinds of robots that can be used; with its NAME all that one takes.
 
     Imports every adapter that is installed, and those in a drop-in folder of the fleet file in a process of

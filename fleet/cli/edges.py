@@ -145,6 +145,12 @@ class Edges:
         answers = bus_session.ask(key, payload, timeout=timeout, parameters=parameters)
         return (reply for _, reply in decoded(answers, Reply))
 
+    def reload(self, edge: str, worker: str, adapter: str, *, within: float) -> Reply | None:
+        """Ask a worker to take the changed drop-in file of an adapter into use; None when nobody answers."""
+        key = keys.reload(edge, worker)
+        asked = [bus_session.ask(key, adapter.encode(), timeout=within) for bus_session in self._lanes]
+        return next((reply for answers in asked for _, reply in decoded(answers, Reply)), None)
+
     def history(self, wanted: EventFilter) -> list[Record]:
         """Return what the edges know of what happened to their robots, the oldest first."""
         asked = msgspec.json.encode(wanted)

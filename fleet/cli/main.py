@@ -73,7 +73,7 @@ SUMMARIES: Mapping[str, str] = {
     "support": "Pack configuration, logs and history, without secrets, for who helps.",
     "certs": "Make and renew the certificates of a site's bus.",
     "calibrate": "Measure a wheeled robot's wheels and turns.",
-    "adapters": "Show the kinds of robots that can be used.",
+    "adapters": "Show the kinds of robots that can be used, make new ones, reload changed ones.",
     "schema": "Print the JSON Schema of fleet.yaml for editors.",
     "completion": "Print what lets a shell complete robots and commands.",
     "can": "Look at a quadruped's CAN buses and drives, move one joint.",

@@ -4,12 +4,14 @@ udpin:0.0.0.0:14550                     listen, answer whoever speaks
 udpout:192.168.1.10:14550               speak first
 tcp:192.168.1.10:5760
 serial:/dev/serial/by-id/...?baud=57600
+can:socketcan:can0                      a CAN bus by python-can's interface and channel
 memory:NAME                             a robot in this process, for tests
 """
 
 from __future__ import annotations
 
 import contextlib
+import importlib.util
 import re
 from collections.abc import AsyncIterator, Awaitable, Callable
 from typing import Annotated
@@ -26,6 +28,7 @@ EXAMPLES = {
     "udpout": "udpout:192.168.1.10:14550",
     "tcp": "tcp:192.168.1.10:5760",
     "serial": "serial:/dev/ttyUSB0?baud=115200",
+    "can": "can:socketcan:can0",
     "memory": "memory:rover",
 }
 _HOST_AND_PORT = re.compile(
@@ -55,6 +58,8 @@ def parse(url: str) -> LinkUrl:
         raise LinkRefused(f"{url!r} is not a link; begin it with one of {_schemes()}")
     if scheme == "serial":
         return _device(url, rest)
+    if scheme == "can":
+        return _bus(url)
     if scheme == "memory":
         if not _NAME.fullmatch(rest):
             raise _malformed(url, "the name has letters, digits, '.', '_' and '-'")
@@ -91,6 +96,22 @@ def _device(url: str, rest: str) -> LinkUrl:
     return LinkUrl(url, "serial", path=match["path"], baud=int(match["baud"]))
 
 
+def _bus(url: str) -> LinkUrl:
+    """Check a CAN bus; its parts are python-can's matter."""
+    if importlib.util.find_spec("can") is None:
+        raise LinkRefused(f"{url!r}: CAN needs python-can: pip install 'zenoh-fleet[can]'")
+    from fleet.link.canbus.bus import parse_link  # noqa: PLC0415 - only where it is installed
+
+    parse_link(url)
+    return LinkUrl(url, "can", path=url)
+
+
+async def _open_can(url: str, receiver: Receiver) -> Link:
+    from fleet.link.canbus.link import open_can  # noqa: PLC0415 - only where it is installed
+
+    return await open_can(url, receiver)
+
+
 def _checked(text: str) -> str:
     """Return the text of a good link URL; raises ValueError, which pydantic tells with its place."""
     try:
@@ -108,6 +129,7 @@ _OPENERS: dict[str, Callable[[LinkUrl, Receiver], Awaitable[Link]]] = {
     "udpout": lambda url, receiver: udp.open_speaking(url.text, url.host, url.port, receiver),
     "tcp": lambda url, receiver: tcp.open_tcp(url.text, url.host, url.port, receiver),
     "serial": lambda url, receiver: serial.open_serial(url.text, url.path, url.baud, receiver),
+    "can": lambda url, receiver: _open_can(url.text, receiver),
     "memory": lambda url, receiver: memory.open_memory(url.text, url.path, receiver),
 }
 

@@ -10,11 +10,12 @@ from contextlib import AbstractAsyncContextManager
 from typing import Any, ParamSpec, TypeVar
 
 from fleet.adapter import Adapter
+from fleet.host.robot.adapter_factory import AdapterClass, create_adapter
 from fleet.host.runtime.blocking_calls import BlockingCalls
 from fleet.link.base import Address, Link
-from fleet.model.health import Health
+from fleet.model.health import Health, Level
 from fleet.model.report import Report
-from fleet.robot_config import Limits
+from fleet.robot_config import AdapterConfig, Limits
 from fleet.testing.clock import LoopClock, ManualClock
 
 OpenT = TypeVar("OpenT")
@@ -32,6 +33,33 @@ async def serve(adapter: Adapter[Any]) -> None:
         await adapter.connect()
         robot.connected(answers=adapter.connects())
         await adapter.run()
+
+
+@contextlib.asynccontextmanager
+async def running(
+    adapter: AdapterClass, config: AdapterConfig, within: float = WITHIN
+) -> AsyncIterator[tuple[Adapter[Any], LoopRobot]]:
+    """Run an adapter in real time for a block, which begins when its robot answers.
+
+    Yields the adapter as the host has it, and its robot. Raises what ends the adapter, and TimeoutError.
+    """
+    robot = LoopRobot(config.name, adapter.limits)
+    made = create_adapter(adapter, config, robot)
+    serving = asyncio.create_task(serve(made))
+    answered = asyncio.create_task(
+        robot.until(lambda: bool(robot.healths) and robot.healths[-1].level is Level.OK, within)
+    )
+    try:
+        await asyncio.wait({serving, answered}, return_when=asyncio.FIRST_COMPLETED)
+        for task in (serving, answered):
+            if task.done():
+                task.result()
+        yield made, robot
+    finally:
+        robot.close()
+        for task in (serving, answered):
+            task.cancel()
+        await asyncio.gather(serving, answered, return_exceptions=True)
 
 
 class _Robot:

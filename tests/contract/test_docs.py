@@ -3,16 +3,18 @@
 import asyncio
 import json
 import re
+import struct
 import sys
 import types
 import uuid
 
 import pytest
 
+from fleet import CanFrame
 from fleet.model.geometry import Vector3, Velocity
 from fleet.model.health import Health
 from fleet.model.report import BatteryReport
-from fleet.testing.contract import AdapterContract
+from fleet.testing.contract import AdapterContract, FrameContract
 from fleet.testing.robot import RecordingRobot, serve
 from fleet.wire.missions import plan_of
 
@@ -59,10 +61,24 @@ class WalkerContract(AdapterContract):
         return Velocity(Vector3(x), turn)
 
 
-@pytest.mark.parametrize("name", ["Crawler", "Walker"])
+class CanContract(FrameContract):
+    """The contract of the guide's CanCrawler, as its manual would have its frames."""
+
+    config = {"adapter": "crawler", "link": "can:virtual:crawler"}
+    said = (CanFrame(0x361, b"\x57").packed(),)
+
+    def velocity_of(self, frame):
+        told = CanFrame.unpack(frame)
+        if told.id != 0x111:
+            return None
+        speed, turn = struct.unpack(">hh", told.data)
+        return Velocity(Vector3(speed / 1000), turn / 1000)
+
+
+@pytest.mark.parametrize("name", ["Crawler", "CanCrawler", "Walker"])
 def test_the_adapters_in_the_guide_keep_the_contract(guide, name):
     """The contract's tests, for adapters that only exist in a document."""
-    contract = guide["TestCrawler"] if name == "Crawler" else WalkerContract
+    contract = {"Crawler": guide["TestCrawler"], "CanCrawler": CanContract, "Walker": WalkerContract}[name]
     kept = type(name, (contract,), {"adapter": guide[name]})()
     tests = [getattr(kept, test) for test in dir(kept) if test.startswith("test_")]
     assert len(tests) >= 12

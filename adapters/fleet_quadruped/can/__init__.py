@@ -1,1 +1,1 @@
-"""CAN: frames, buses that recover, and the few messages of CANopen that every cycle needs."""
+"""What is done with CAN buses: whether somebody else speaks, and what was on them before a fault."""

@@ -6,7 +6,7 @@ from collections.abc import Collection, Mapping
 
 from fleet.clock import Clock
 from fleet.errors import LinkLost
-from fleet_quadruped.can.frame import CanBus
+from fleet.link.canbus.frame import CanBus
 
 LISTEN = 0.25  # s: the slowest controller speaks 10 times a second
 Address = tuple[str, int]

@@ -3,6 +3,8 @@
 A line for each frame, as ``candump -L`` writes them, with R for what we received and T for what we sent:
 
     (1795000000.123456) a 188#371210A4000006FF R
+    (1795000000.123456) a 021#R T                       a remote frame
+    (1795000000.123456) a 00008001##101000A T           CAN FD, with the flags 1: at the data bit rate
 """
 
 from __future__ import annotations
@@ -17,13 +19,13 @@ from typing import NamedTuple
 
 from fleet.clock import Clock
 from fleet.errors import ConfigError
-from fleet_quadruped.can.frame import CanBus, CanFrame
+from fleet.link.canbus.frame import CanBus, CanFrame
 
 log = logging.getLogger(__name__)
 
 FRAMES = 20_000  # about 5 s of a dog at 100 cycles a second
 FILES = 5  # of one dog; the oldest goes
-_LINE = re.compile(r"\((\d+\.\d+)\) (\S+) ([0-9A-F]{3,8})#((?:[0-9A-F]{2}){0,8}) ([RT])", re.ASCII)
+_LINE = re.compile(r"\((\d+\.\d+)\) (\S+) ([0-9A-F]{3,8})#(R|#1|)((?:[0-9A-F]{2}){0,64}) ([RT])", re.ASCII)
 
 
 class Captured(NamedTuple):
@@ -124,7 +126,9 @@ def _line(captured: Captured) -> str:
     frame = captured.frame
     width = 8 if frame.extended else 3
     way = "T" if captured.sent else "R"
-    return f"({captured.time:.6f}) {captured.bus} {frame.id:0{width}X}#{frame.data.hex().upper()} {way}\n"
+    mark = "R" if frame.remote else "#1" if frame.fd else ""
+    data = f"{frame.id:0{width}X}#{mark}{frame.data.hex().upper()}"
+    return f"({captured.time:.6f}) {captured.bus} {data} {way}\n"
 
 
 def read_capture(path: Path) -> Iterator[Captured]:
@@ -139,5 +143,6 @@ def read_capture(path: Path) -> Iterator[Captured]:
         match = _LINE.fullmatch(line)
         if match is None:
             raise ConfigError(f"{path}:{number}: is no line of a candump log: {line[:60]!r}")
-        time, bus, identifier, data, way = match.groups()
-        yield Captured(float(time), bus, CanFrame(int(identifier, 16), bytes.fromhex(data)), way == "T")
+        time, bus, identifier, mark, data, way = match.groups()
+        frame = CanFrame(int(identifier, 16), bytes.fromhex(data), mark == "#1", mark == "R")
+        yield Captured(float(time), bus, frame, way == "T")

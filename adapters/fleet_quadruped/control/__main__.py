@@ -13,12 +13,12 @@ import msgspec
 
 from fleet.clock import Clock, SystemClock
 from fleet.errors import ConfigError, LinkError, LinkLost, LinkRefused
+from fleet.link.canbus.bus import Bus
+from fleet.link.canbus.frame import CanBus
 from fleet.runtime.decoding import decode_json
 from fleet_quadruped.any_description import AnyBody, load_body
-from fleet_quadruped.can.bus import CanConnection
 from fleet_quadruped.can.bus_guard import require_sole_controller
 from fleet_quadruped.can.capture import Capture
-from fleet_quadruped.can.frame import CanBus
 from fleet_quadruped.control.controller import Controller
 from fleet_quadruped.control.exchange import SharedValue
 from fleet_quadruped.control.loop import Loop
@@ -102,9 +102,10 @@ def _begin(machine: SimulatedMachine, faults: dict[str, float]) -> None:
 
 
 @contextlib.contextmanager
-def _opened(name: str, url: str, body: AnyBody, clock: Clock) -> Iterator[CanConnection]:
+def _opened(name: str, url: str, body: AnyBody, clock: Clock) -> Iterator[Bus]:
     """Open a bus for the time of a block."""
-    bus = CanConnection(name, url, body.buses[name].bitrate, clock)
+    described = body.buses[name]
+    bus = Bus(name, url, described.bitrate, clock, described.data_bitrate)
     try:
         yield bus
     finally:

@@ -6,13 +6,13 @@ import logging
 from collections.abc import Mapping
 
 from fleet.errors import LinkLost
+from fleet.link.canbus.frame import CanBus, CanFrame
 from fleet.model.geometry import quaternion_from_yaw
 from fleet_quadruped.body.gait import Twist
 from fleet_quadruped.body.height import height_of
 from fleet_quadruped.body.machine import BodyRequest, BodyStateMachine, Wanted, Wish
 from fleet_quadruped.body.measured import ZEROS, Imu, Sense, Targets
 from fleet_quadruped.can.bus_guard import Address
-from fleet_quadruped.can.frame import CanBus, CanFrame
 from fleet_quadruped.control.holding import all_off, holding, silent_bus
 from fleet_quadruped.control.lamp import Lamp
 from fleet_quadruped.control.orders import DogState, Order, Timing

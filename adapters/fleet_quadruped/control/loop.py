@@ -14,8 +14,8 @@ from typing import Protocol
 import msgspec
 
 from fleet.clock import Clock
+from fleet.link.canbus.frame import CanBus, CanFrame
 from fleet_quadruped.can.capture import Capture
-from fleet_quadruped.can.frame import CanBus, CanFrame
 from fleet_quadruped.control.orders import DogState, Order, Timing
 from fleet_quadruped.safety.stages import MEANT
 

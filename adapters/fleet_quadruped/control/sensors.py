@@ -5,12 +5,22 @@ from __future__ import annotations
 import math
 
 from fleet import Quaternion, Vector3
+from fleet.link.canbus.frame import CanFrame
+from fleet.model.geometry import quaternion_from_euler
 from fleet_quadruped.body.measured import Imu
-from fleet_quadruped.can.frame import CanFrame
 from fleet_quadruped.frames import FrameDecoder
+from fleet_quadruped.robot.names import EULER
 from fleet_quadruped.robot.parts import Sensor
 
-_POSSIBLE = {"qw": 2.0, "qx": 2.0, "qy": 2.0, "qz": 2.0, "gx": 100.0, "gy": 100.0, "gz": 100.0}
+_POSSIBLE = dict.fromkeys(EULER, 7.0) | {
+    "qw": 2.0,
+    "qx": 2.0,
+    "qy": 2.0,
+    "qz": 2.0,
+    "gx": 100.0,
+    "gy": 100.0,
+    "gz": 100.0,
+}
 """What an IMU can say at most, rad/s for its rates; one number beyond would be in the odometry for ever."""
 
 
@@ -61,9 +71,16 @@ class Values:
 
 
 def imu_of(values: dict[str, float]) -> Imu | None:
-    """Return the IMU from its values; None when one is missing or the rotation is none."""
+    """Return the IMU from its values; None when one is missing or the rotation is none.
+
+    Its attitude is a quaternion, or roll, pitch and yaw (rad, about x, then y, then z of the body).
+    """
     try:
-        w, x, y, z = values["qw"], values["qx"], values["qy"], values["qz"]
+        if "qw" not in values:
+            turn = quaternion_from_euler(values["roll"], values["pitch"], values["yaw"])
+            w, x, y, z = turn.w, turn.x, turn.y, turn.z
+        else:
+            w, x, y, z = values["qw"], values["qx"], values["qy"], values["qz"]
         gyro = Vector3(values["gx"], values["gy"], values["gz"])
         accel = Vector3(values.get("ax", 0.0), values.get("ay", 0.0), values.get("az", 0.0))
     except KeyError:

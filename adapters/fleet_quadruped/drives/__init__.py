@@ -1,17 +1,26 @@
-"""Joint drives: one interface over the protocols that they speak. A protocol is a module and a row here."""
+"""Joint drives: one interface over the protocols that they speak. A protocol is an entry point of a package.
+
+Group ``fleet.quadruped_drives``: its name, as ``drive.protocol`` has it, and a class like ``JointDrive``.
+Group ``fleet.quadruped_simulated_drives``: the same name, and a class like ``sim.drive.AnyDrive``.
+"""
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Mapping, Sequence
-from types import MappingProxyType
-from typing import Protocol
+from importlib.metadata import entry_points
+from typing import Any, Protocol, cast
 
-from fleet_quadruped.can.frame import CanBus
+from fleet.errors import ConfigError
+from fleet.link.canbus.frame import CanBus
 from fleet_quadruped.drives.base import JointDrive
-from fleet_quadruped.drives.cia402.drive import Cia402Drives
-from fleet_quadruped.drives.mit.drive import MitDrives
 from fleet_quadruped.robot.description import DogDescription, Joint
-from fleet_quadruped.robot.parts import Drive
+from fleet_quadruped.robot.parts import Bus, Drive
+
+DRIVES = "fleet.quadruped_drives"
+SIMULATED_DRIVES = "fleet.quadruped_simulated_drives"
+_ASKED = ("problems", "load", "shared", "identifiers", "farthest")
+"""What is asked of the class before there is a bus."""
 
 
 class Kind(Protocol):
@@ -22,24 +31,51 @@ class Kind(Protocol):
     ) -> JointDrive:
         """Return the drives of these joints."""
 
-    def problem(self, drive: Drive, /) -> str:
-        """Return what is wrong with the section ``drive`` of a description, empty when nothing is."""
+    def problems(self, dog: DogDescription, /) -> list[str]:
+        """Return what in a description these drives cannot do; everything, each with its place."""
 
-    def bits(self, drive: Drive, joints: int, /) -> float:
-        """Return the bits a second that so many joints put on a bus."""
+    def load(self, drive: Drive, joints: int, bus: Bus, /) -> float:
+        """Return the share of a bus that so many joints take."""
 
-    def identifiers(self, drive: Drive, number: int, /) -> tuple[int, ...]:
-        """Return the frames that a drive with this id says and hears; 0: those that are for all."""
+    def shared(self, dog: DogDescription, /) -> tuple[int, ...]:
+        """Return the frames that are for all drives."""
+
+    def identifiers(self, drive: Drive, joint: Joint, /) -> tuple[int, ...]:
+        """Return the frames that one drive says and hears."""
 
     def farthest(self, joint: Joint, drive: Drive, /) -> float:
         """Return the greatest angle that its frames can say, rad of the motor."""
 
 
-PROTOCOLS: Mapping[str, Kind] = MappingProxyType({"cia402": Cia402Drives, "mit": MitDrives})
+@functools.cache
+def drive_kind(protocol: str) -> Kind:
+    """Return the drives that speak a protocol; raises ConfigError with those there are."""
+    kind = load_entry(DRIVES, protocol)
+    missing = [name for name in _ASKED if not callable(getattr(kind, name, None))]
+    if missing or not callable(kind):
+        raise ConfigError(f"{protocol!r} is no class of joint drives: it has no {', '.join(missing)}")
+    return cast("Kind", kind)
+
+
+def load_entry(group: str, name: str) -> Any:
+    """Return what packages have under a name; raises ConfigError for none, two, and one that fails."""
+    points = entry_points(group=group)
+    found = points.select(name=name)
+    if not found:
+        known = ", ".join(sorted(points.names)) or "none; install zenoh-fleet anew"
+        raise ConfigError(f"there is no {name!r}; there are {known}")
+    if len({point.value for point in found}) > 1:
+        places = ", ".join(sorted(point.value for point in found))
+        raise ConfigError(f"{name!r} is there more than once ({places}); remove all packages but one")
+    try:
+        return next(iter(found)).load()
+    except Exception as error:
+        value = next(iter(found)).value
+        raise ConfigError(f"{name!r} ({value}) cannot be loaded: {type(error).__name__}: {error}") from error
 
 
 def drives_of(
     dog: DogDescription, buses: Mapping[str, CanBus], joints: Sequence[Joint] | None = None
 ) -> JointDrive:
     """Return the drives of a dog, or of some of its joints, not yet configured."""
-    return PROTOCOLS[dog.drive.protocol](dog, buses, dog.all_joints if joints is None else joints)
+    return drive_kind(dog.drive.protocol)(dog, buses, dog.all_joints if joints is None else joints)

@@ -1,6 +1,6 @@
 """What the body controller asks of twelve joint drives, whatever their protocol.
 
-Adding a protocol is one module with a class like this and a row in ``drives.PROTOCOLS``.
+Adding a protocol is one module with a class like this and an entry point; see ``fleet_quadruped.drives``.
 """
 
 from __future__ import annotations
@@ -10,11 +10,11 @@ import math
 from collections.abc import Sequence
 from typing import NamedTuple, Protocol
 
+from fleet.link.canbus.frame import CanFrame
 from fleet_quadruped.body.measured import Targets
 from fleet_quadruped.can.bus_guard import Address
-from fleet_quadruped.can.frame import CanFrame
-from fleet_quadruped.robot.description import Joint
-from fleet_quadruped.robot.parts import Drive
+from fleet_quadruped.robot.description import DogDescription, Joint
+from fleet_quadruped.robot.parts import Bus, Drive
 
 
 class Power(enum.StrEnum):
@@ -86,23 +86,27 @@ class Joints(NamedTuple):
 class JointDrive(Protocol):
     """Drives of one dog, mostly all twelve, on one or more buses.
 
-    ``problem``, ``bits``, ``identifiers`` and ``farthest`` are asked of the class. No method blocks but
-    ``configure`` and ``limit_torque``, and neither takes the torque off drives that hold a dog.
+    ``problems``, ``load``, ``shared``, ``identifiers`` and ``farthest`` are asked of the class. No method
+    blocks but ``configure`` and ``limit_torque``, and neither takes the torque off drives that hold a dog.
     ``enable``, ``lower``, ``damp``, ``quick_stop`` and ``disable`` write one round of frames; they are
     called in each cycle until ``feedback`` says that all drives did it.
     """
 
     @staticmethod
-    def problem(drive: Drive) -> str:
-        """Return what is wrong with the section ``drive`` of a description, empty when nothing is."""
+    def problems(dog: DogDescription) -> list[str]:
+        """Return what in a description these drives cannot do; everything, each with its place."""
 
     @staticmethod
-    def bits(drive: Drive, joints: int) -> float:
-        """Return the bits a second that so many joints put on a bus, all frames counted."""
+    def load(drive: Drive, joints: int, bus: Bus) -> float:
+        """Return the share of a bus that so many joints take, all frames counted."""
 
     @staticmethod
-    def identifiers(drive: Drive, number: int) -> tuple[int, ...]:
-        """Return the frames that a drive with this id says and hears; 0: those that are for all."""
+    def shared(dog: DogDescription) -> tuple[int, ...]:
+        """Return the frames that are for all drives."""
+
+    @staticmethod
+    def identifiers(drive: Drive, joint: Joint) -> tuple[int, ...]:
+        """Return the frames that one drive says and hears."""
 
     @staticmethod
     def farthest(joint: Joint, drive: Drive) -> float:

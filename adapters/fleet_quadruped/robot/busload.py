@@ -1,11 +1,12 @@
-"""How full a classic CAN bus is, from its frames: worst-case bit stuffing, frame spacing included."""
+"""How full a CAN bus is, from its frames: worst-case bit stuffing, frame spacing included."""
 
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Mapping
 
-from fleet_quadruped.can.frame import STANDARD_ID
-from fleet_quadruped.robot.parts import Battery, Drive, Sensor
+from fleet.link.canbus.frame import STANDARD_ID
+from fleet_quadruped.robot.parts import Battery, Bus, Drive, Sensor
 
 HIGHEST = 0.6  # share of a bus beyond which frames come late
 SLOW_EVERY = 10  # cycles between two frames with velocity and voltage (TPDO2)
@@ -19,16 +20,28 @@ def frame_bits(length: int, *, extended: bool = False) -> int:
     return stuffed + (stuffed - 1) // 4 + 13
 
 
+def fd_frame_seconds(length: int, bus: Bus) -> float:
+    """Return the longest time (s) that an extended frame of CAN FD takes on a bus.
+
+    ISO 11898-1: at the bit rate of the bus the identifier and the end (48 bits), at that of the data the
+    length, the data, and a checksum of 17 bits, or 21 beyond 16 bytes, each with its fixed stuffing.
+    """
+    check = (17 if length <= 16 else 21) + 4
+    data = 5 + 8 * length + check
+    stuffed = data + data // 4
+    return (48 + 48 // 4) / bus.bitrate + stuffed / (bus.data_bitrate or bus.bitrate)
+
+
 def bus_loads(
-    drive: Drive, joints: Counter[str], sensors: list[Sensor], bitrates: dict[str, int]
+    drive: Drive, joints: Counter[str], sensors: list[Sensor], buses: Mapping[str, Bus]
 ) -> dict[str, float]:
     """Return each bus's load as a share; ``joints`` counts the drives on each bus."""
-    from fleet_quadruped.drives import PROTOCOLS  # noqa: PLC0415 - they know the description
+    from fleet_quadruped.drives import drive_kind  # noqa: PLC0415 - they know the description
 
-    bits = PROTOCOLS[drive.protocol].bits
-    per_second = {bus: bits(drive, joints[bus]) if joints[bus] else 0.0 for bus in bitrates}
+    load = drive_kind(drive.protocol).load
+    loads = {name: load(drive, joints[name], bus) if joints[name] else 0.0 for name, bus in buses.items()}
     for sensor in sensors:
         rate = _BATTERY_HZ if isinstance(sensor, Battery) else drive.cycle_hz
-        for frame in sensor.frames:
-            per_second[sensor.bus] += rate * frame_bits(frame.length, extended=frame.id > STANDARD_ID)
-    return {bus: bits / bitrates[bus] for bus, bits in per_second.items()}
+        bits = sum(frame_bits(frame.length, extended=frame.id > STANDARD_ID) for frame in sensor.frames)
+        loads[sensor.bus] += rate * bits / buses[sensor.bus].bitrate
+    return loads

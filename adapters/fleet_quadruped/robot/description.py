@@ -10,9 +10,20 @@ from typing import NamedTuple
 
 from pydantic import Field, model_validator
 
+from fleet.errors import ConfigError
 from fleet_quadruped.body.legs import Angles, Leg
 from fleet_quadruped.robot.busload import HIGHEST, bus_loads
-from fleet_quadruped.robot.names import JOINTS, LEGS, PARTS, GaitName, Part, Twelve
+from fleet_quadruped.robot.names import (
+    EULER,
+    JOINTS,
+    LEGS,
+    PARTS,
+    QUATERNION,
+    RATES,
+    GaitName,
+    Part,
+    Twelve,
+)
 from fleet_quadruped.robot.parts import (
     Actuator,
     Battery,
@@ -74,8 +85,8 @@ class DogDescription(Section):
     @model_validator(mode="after")
     def _whole(self) -> DogDescription:
         """Refuse what cannot be walked with; every problem at once."""
-        problems = _protocol(self) or _missing(self)
-        problems = problems or [*_addresses(self), *_ranges(self), *_poses(self), *_loads(self)]
+        problems = _protocol(self) or _missing(self) or _drives(self)
+        problems = problems or [*_addresses(self), *_ranges(self), *_poses(self), *_loads(self), *_imu(self)]
         if problems:
             raise ValueError("; ".join(problems))
         return self
@@ -115,9 +126,8 @@ class DogDescription(Section):
     def loads(self) -> dict[str, float]:
         """How full each bus is, as a share."""
         sensors = [sensor for sensor in (self.imu, self.battery) if sensor is not None]
-        bitrates = {name: bus.bitrate for name, bus in self.buses.items()}
         return bus_loads(
-            self.drive, Counter(wiring.bus for wiring in self.joints.values()), sensors, bitrates
+            self.drive, Counter(wiring.bus for wiring in self.joints.values()), sensors, self.buses
         )
 
     def posture(self, left: Pose, right: Pose | None = None) -> Twelve:
@@ -162,14 +172,33 @@ def leg_angles(posture: Twelve, leg: int) -> Angles:
 
 
 def _protocol(dog: DogDescription) -> list[str]:
-    """Return that nobody speaks the drives' protocol, or what that protocol misses in their section."""
-    from fleet_quadruped.drives import PROTOCOLS  # noqa: PLC0415 - they know the description
+    """Return that nobody speaks the drives' protocol."""
+    from fleet_quadruped.drives import drive_kind  # noqa: PLC0415 - they know the description
 
-    known, asked = ", ".join(PROTOCOLS), dog.drive.protocol
-    if asked not in PROTOCOLS:
-        return [f"drive.protocol: there is no {asked!r}; there are {known}"]
-    problem = PROTOCOLS[asked].problem(dog.drive)
-    return [problem] if problem else []
+    try:
+        drive_kind(dog.drive.protocol)
+    except ConfigError as error:
+        return [f"drive.protocol: {error}"]
+    return []
+
+
+def _drives(dog: DogDescription) -> list[str]:
+    """Return what the drives cannot do."""
+    from fleet_quadruped.drives import drive_kind  # noqa: PLC0415 - they know the description
+
+    return drive_kind(dog.drive.protocol).problems(dog)
+
+
+def _imu(dog: DogDescription) -> list[str]:
+    """Return what an IMU does not tell: without it no frame of it would ever count."""
+    if dog.imu is None:
+        return []
+    told = {name for frame in dog.imu.frames for name in frame.fields}
+    wanted = (EULER if told & EULER and not told & QUATERNION else QUATERNION) | RATES
+    problems = [f"imu: {name} is in none of its frames" for name in sorted(wanted - told)]
+    if told & EULER and told & QUATERNION:
+        problems.append("imu: it tells its attitude twice, as qw to qz and as roll, pitch, yaw; keep one")
+    return problems
 
 
 def _missing(dog: DogDescription) -> list[str]:
@@ -200,13 +229,13 @@ def _addresses(dog: DogDescription) -> list[str]:
 
 def _users(dog: DogDescription) -> Iterator[tuple[str, str, tuple[int, ...]]]:
     """Yield by name, on which bus, the frames of drives, of their protocol, of sensors and lamp."""
-    from fleet_quadruped.drives import PROTOCOLS  # noqa: PLC0415 - they know the description
+    from fleet_quadruped.drives import drive_kind  # noqa: PLC0415 - they know the description
 
-    identifiers = PROTOCOLS[dog.drive.protocol].identifiers
-    for bus in dict.fromkeys(wiring.bus for wiring in dog.joints.values()):
-        yield "the drives' protocol", bus, identifiers(dog.drive, 0)
-    for name, wiring in dog.joints.items():
-        yield f"joints.{name} (id {wiring.id})", wiring.bus, identifiers(dog.drive, wiring.id)
+    kind = drive_kind(dog.drive.protocol)
+    for bus in dict.fromkeys(joint.bus for joint in dog.all_joints):
+        yield "the drives' protocol", bus, kind.shared(dog)
+    for joint in dog.all_joints:
+        yield f"joints.{joint.name} (id {joint.id})", joint.bus, kind.identifiers(dog.drive, joint)
     for name, sensor in (("imu", dog.imu), ("battery", dog.battery)):
         if sensor is not None:
             yield name, sensor.bus, tuple(frame.id for frame in sensor.frames)
@@ -216,11 +245,11 @@ def _users(dog: DogDescription) -> Iterator[tuple[str, str, tuple[int, ...]]]:
 
 def _ranges(dog: DogDescription) -> list[str]:
     """Return the joints that can be where their drives' frames cannot say: there they stay at the end."""
-    from fleet_quadruped.drives import PROTOCOLS  # noqa: PLC0415 - they know the description
+    from fleet_quadruped.drives import drive_kind  # noqa: PLC0415 - they know the description
 
-    problems = []
+    problems, kind = [], drive_kind(dog.drive.protocol)
     for joint in dog.all_joints:
-        most = PROTOCOLS[dog.drive.protocol].farthest(joint, dog.drive)
+        most = kind.farthest(joint, dog.drive)
         ends = sorted(map(joint.motor, (joint.low, joint.high)))
         if max(map(abs, ends)) > most:
             problems.append(

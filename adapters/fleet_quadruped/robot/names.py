@@ -12,5 +12,10 @@ LEGS: tuple[Leg, ...] = ("FL", "FR", "RL", "RR")
 PARTS: tuple[Part, ...] = ("abad", "hip", "knee")
 JOINTS: tuple[str, ...] = tuple(f"{leg}_{part}" for leg in LEGS for part in PARTS)
 
+QUATERNION = frozenset({"qw", "qx", "qy", "qz"})
+EULER = frozenset({"roll", "pitch", "yaw"})
+RATES = frozenset({"gx", "gy", "gz"})
+"""What frames call an IMU's attitude, in one of two ways (angles in rad), and its rates, rad/s."""
+
 Twelve = tuple[float, ...]
 """One number a joint, in the order of ``JOINTS``."""

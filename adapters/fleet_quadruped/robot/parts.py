@@ -52,6 +52,7 @@ class Bus(Section):
     """One CAN bus."""
 
     bitrate: int = Field(1_000_000, gt=0, description="bit/s.")
+    data_bitrate: int | None = Field(None, gt=0, description="CAN FD: bit/s of the data; none: classic CAN.")
 
 
 class Temperature(Section):
@@ -67,11 +68,38 @@ class Temperature(Section):
         return self.index << 16 | self.sub << 8 | 16
 
 
+class Motor(Section):
+    """A motor of the MIT kind: what its frames can say, as its manual has it."""
+
+    angle: Positive = Field(description="Greatest angle of its frames, both ways, rad.")
+    speed: Positive = Field(description="Greatest speed, rad/s.")
+    torque: Positive = Field(description="Greatest torque, N m.")
+    kp: Positive = Field(500, description="Greatest stiffness, N m/rad.")
+    kd: Positive = Field(5, description="Greatest damping, N m s/rad.")
+    damiao: bool = Field(False, description="Status in its replies, registers, a watchdog of its own.")
+    temperature_at: Literal[6, 7] | None = Field(
+        None, description="Byte of its replies with the temperature."
+    )
+    coldest: int = Field(0, ge=-100, le=0, description="Degrees C that a zero in that byte means.")
+    error_at: Literal[6, 7] | None = Field(None, description="Byte of its replies with an error number.")
+
+
+class Endpoints(Section):
+    """ODrive: the numbers of its parameters, from the flat_endpoints.json of its firmware's version."""
+
+    enable_watchdog: int = Field(ge=0, le=0xFFFF, description="axis0.config.enable_watchdog.")
+    watchdog_timeout: int = Field(ge=0, le=0xFFFF, description="axis0.config.watchdog_timeout.")
+
+
 class Drive(Section):
     """How the joint drives are spoken to."""
 
-    protocol: str = Field(description="cia402: cyclic synchronous position; mit: MIT and its kin.")
+    protocol: str = Field(description="cia402, mit, odrive, moteus, or one that a package brings.")
     profile: str = Field("", description="MIT: the motor, which fixes the ranges of its frames.")
+    profiles: dict[str, Motor] = Field({}, description="MIT: motors that are not built in, by their names.")
+    endpoints: Endpoints | None = Field(
+        None, description="ODrive: where its watchdog is set; without it, set it in odrivetool."
+    )
     eds: str = Field("", description="CiA 402: an EDS file; every object that is used must be in it.")
     vendor: int | None = Field(None, description="CiA 402: the vendor in object 1018h:1 that must be there.")
     product: int | None = Field(None, description="CiA 402: the product in 1018h:2 that must be there.")
@@ -89,8 +117,9 @@ class Actuator(Section):
     limits: Range = Field(description="Least and greatest angle, rad.")
     velocity: Positive = Field(description="Highest speed, rad/s.")
     torque: Positive = Field(description="Highest torque, N m.")
-    kp: float = Field(60, ge=0, description="MIT: stiffness, N m/rad.")
-    kd: float = Field(2, ge=0, description="MIT: damping, N m s/rad.")
+    profile: str = Field("", description="MIT: the motor of these joints, where it is not drive.profile.")
+    kp: float = Field(60, ge=0, description="MIT, ODrive, moteus: stiffness, N m/rad.")
+    kd: float = Field(2, ge=0, description="MIT, ODrive, moteus: damping, N m s/rad.")
     ratio: Positive = Field(1, description="Motor turns for one turn of the joint.")
     counts_per_rad: Positive = Field(10_000, description="CiA 402: position units for one rad of the motor.")
     rated_torque: Positive = Field(10, description="CiA 402: torque of the joint at 1000 per mille, N m.")

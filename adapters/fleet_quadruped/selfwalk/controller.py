@@ -6,13 +6,13 @@ import math
 from collections.abc import Mapping
 
 from fleet.errors import LinkLost
+from fleet.link.canbus.frame import CanBus, CanFrame
 from fleet.model.geometry import quaternion_from_yaw
 from fleet_quadruped.body.gait import Twist
 from fleet_quadruped.body.machine import BodyRequest
 from fleet_quadruped.body.measured import Imu
 from fleet_quadruped.body.velocity_ramp import limited, ramped
 from fleet_quadruped.can.bus_guard import Address
-from fleet_quadruped.can.frame import CanBus, CanFrame
 from fleet_quadruped.control.lamp import Lamp
 from fleet_quadruped.control.orders import DogState, Order, Timing
 from fleet_quadruped.control.sensors import Values, imu_of

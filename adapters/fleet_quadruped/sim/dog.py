@@ -3,21 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from types import MappingProxyType
 
+from fleet.link.canbus.frame import CanFrame
 from fleet.sim.faults import check_fault
-from fleet_quadruped.can.frame import CanFrame
+from fleet_quadruped.drives import SIMULATED_DRIVES, load_entry
 from fleet_quadruped.robot.description import DogDescription, Joint
 from fleet_quadruped.sim.cia402 import SimDrive
 from fleet_quadruped.sim.drive import AnyDrive, Hears
 from fleet_quadruped.sim.faults import ALL_FAULTS, ON_CIA402, ON_DRIVE
-from fleet_quadruped.sim.mit import SimMitDrive
 from fleet_quadruped.sim.sensors import SENSOR_FAULTS, Sensors
 from fleet_quadruped.sim.wires import BadBuses
 from fleet_quadruped.sim.world import Motor, World
 
 _LOOP = 0.01  # s, about, between two looks of the drives; they interpolate between them
-_MAKE: Mapping[str, Callable[..., AnyDrive]] = MappingProxyType({"cia402": SimDrive, "mit": SimMitDrive})
 
 
 class SimDog:
@@ -34,6 +32,7 @@ class SimDog:
         seed: int = 1,
     ) -> None:
         self.dog = dog
+        self._make: Callable[..., AnyDrive] = load_entry(SIMULATED_DRIVES, dog.drive.protocol)
         self.world = world
         self.time = 0.0
         self._heard = heard
@@ -80,7 +79,7 @@ class SimDog:
 
     def _add(self, joint: Joint, motor: Motor) -> None:
         """Put a drive on its bus."""
-        drive = _MAKE[self.dog.drive.protocol](joint, motor, self._senders[joint.bus], self.dog.drive)
+        drive = self._make(joint, motor, self._senders[joint.bus], self.dog.drive)
         self.drives.append(drive)
 
     def _listen(self) -> None:

@@ -6,10 +6,11 @@ import math
 import struct
 from collections.abc import Callable, Mapping
 
-from fleet_quadruped.can.frame import CanFrame
+from fleet.link.canbus.frame import CanFrame
 from fleet_quadruped.drives.mit import frames as wire
 from fleet_quadruped.drives.mit.frames import Command, MitCommand
-from fleet_quadruped.drives.mit.profiles import PROFILES
+from fleet_quadruped.drives.mit.profiles import profile_of
+from fleet_quadruped.drives.motor_units import Units
 from fleet_quadruped.robot.description import Joint
 from fleet_quadruped.robot.parts import Drive
 from fleet_quadruped.sim.drive import COOL, STUBBORN, WARMING, Hears, SimEncoder
@@ -28,9 +29,9 @@ class SimMitDrive:
         self.motor = motor
         self.encoder = SimEncoder(motor)
         self._send = send
-        self._profile = PROFILES[drive.profile]
+        self._profile = profile_of(drive, joint.kind)
         self._layout = wire.Layout(self._profile)
-        self._units = wire.MitUnits(joint)
+        self._units = Units(joint)
         self._square = joint.kind.ratio**2
         ranges = (self._profile.angle, self._profile.speed, self._profile.torque)
         self._registers = {

@@ -8,9 +8,9 @@ from types import MappingProxyType
 from typing import NamedTuple
 
 from fleet import Quaternion, quaternion_from_yaw
+from fleet.link.canbus.frame import CanFrame
 from fleet.sim.faults import check_fault
 from fleet_quadruped.body.gait import Twist
-from fleet_quadruped.can.frame import CanFrame
 from fleet_quadruped.drives.cia402.frames import HEARTBEAT, OPERATIONAL, SDO_REQUEST, SYNC
 from fleet_quadruped.drives.cia402.setup import final_values
 from fleet_quadruped.frame_integrity import Seal

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import math
 import random
 from collections.abc import Iterator, Mapping
 from types import MappingProxyType
 
 from fleet import Quaternion
+from fleet.link.canbus.frame import CanFrame
 from fleet_quadruped.body.measured import Imu
-from fleet_quadruped.can.frame import CanFrame
 from fleet_quadruped.frames import FrameEncoder
 from fleet_quadruped.robot.description import DogDescription
 from fleet_quadruped.robot.parts import Sensor
@@ -67,6 +68,9 @@ class Sensors:
             "qx": turn.x,
             "qy": turn.y,
             "qz": turn.z,
+            "roll": math.atan2(2 * (turn.w * turn.x + turn.y * turn.z), 1 - 2 * (turn.x**2 + turn.y**2)),
+            "pitch": math.asin(max(-1.0, min(1.0, 2 * (turn.w * turn.y - turn.z * turn.x)))),
+            "yaw": turn.yaw,
             "gx": gyro.x,
             "gy": gyro.y,
             "gz": gyro.z,

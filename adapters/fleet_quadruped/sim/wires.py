@@ -6,10 +6,10 @@ import random
 import struct
 from collections.abc import Iterable, Sequence
 
+from fleet.link.canbus.frame import CanFrame
 from fleet.sim.faults import BadWire
-from fleet_quadruped.can.frame import CanFrame
 
-_HEAD = struct.Struct("<I")
+_HEAD = struct.Struct("<I??")
 
 
 class BadBuses:
@@ -33,5 +33,10 @@ class BadBuses:
     def _carried(self, wire: BadWire, frames: Sequence[CanFrame], now: float) -> Sequence[CanFrame]:
         if not self.faults:
             return frames
-        raw = wire.carry([_HEAD.pack(frame.id) + frame.data for frame in frames], now)
-        return [CanFrame(_HEAD.unpack_from(data)[0], data[_HEAD.size :]) for data in raw]
+        raw = wire.carry([_HEAD.pack(frame.id, frame.fd, frame.remote) + frame.data for frame in frames], now)
+        return [_frame(data) for data in raw]
+
+
+def _frame(data: bytes) -> CanFrame:
+    identifier, fd, remote = _HEAD.unpack_from(data)
+    return CanFrame(identifier, data[_HEAD.size :], fd, remote)

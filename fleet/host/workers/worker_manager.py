@@ -20,6 +20,7 @@ from fleet.bus import keys
 from fleet.bus.zenoh_session import ZenohSession
 from fleet.clock import Clock
 from fleet.host.logs.setup import FILE, FORM
+from fleet.host.workers.reload import RELOADED
 from fleet.link.backoff import backoff
 from fleet.plugins.probe import bare_environment
 from fleet.supervisor.sockets import VARIABLE
@@ -30,6 +31,7 @@ START_WITHIN = 20.0  # s from the start of the process to its first beat
 SILENT_AFTER = 1.5  # s without a beat after which a worker counts as hung
 LOOK = 0.25  # s between looks
 HALT_WITHIN = 0.5  # s that a worker that hangs gets to halt its robots before it is killed
+_RELOADS = "starts again with a changed drop-in file"
 LEAVE_WITHIN = 10.0  # s that a worker gets to stop its robots and end
 STABLE_AFTER = 30.0  # s of life after which the next restart is quick again
 
@@ -74,6 +76,9 @@ class WorkerManager:
         while True:
             began = self._clock.monotonic()
             cause = await self._once()
+            if cause == _RELOADS:
+                log.info("worker %s: %s", self.name, cause)
+                continue
             log.error("worker %s: %s; it is started again", self.name, cause)
             if self._clock.monotonic() - began > STABLE_AFTER:
                 waits = backoff(first=0.2, longest=5.0)
@@ -117,6 +122,8 @@ class WorkerManager:
         running = False
         while True:
             done, _ = await asyncio.wait({exited}, timeout=LOOK)
+            if done and exited.result() == RELOADED:
+                return _RELOADS
             if done:
                 return f"ended with exit code {exited.result()}"
             now = self._clock.monotonic()

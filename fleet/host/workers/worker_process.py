@@ -33,6 +33,7 @@ from fleet.host.process.stop_service import serve_stops
 from fleet.host.robot.robot_positions import RobotPositions
 from fleet.host.runtime.shutdown import shutdown
 from fleet.host.runtime.termination_signals import end_by_signal
+from fleet.host.workers.reload import RELOADED, Reload
 from fleet.host.workers.worker_task import Importer, WorkerTask, read_task, task_of
 from fleet.runtime.event_loop import run as run_loop
 from fleet.supervisor.client import connect_supervisor
@@ -45,8 +46,11 @@ log = logging.getLogger(__name__)
 BEAT = 0.25  # s between signs that the event loop turns
 
 
-async def run(task: WorkerTask, directory: Path, parent: int | None) -> None:
-    """Run one worker until a signal ends it, or until ``parent``, the edge that started it, is gone."""
+async def run(task: WorkerTask, directory: Path, parent: int | None) -> int:
+    """Run one worker until a signal ends it, or until ``parent``, the edge that started it, is gone.
+
+    Returns the exit code: ``RELOADED`` for one that is to be started again.
+    """
     name, edge, kept = task.worker, task.edge, Path(task.state)
     end_logs = start_logging(LogSettings.of_a_worker(name), log_folder(kept) / f"worker-{name}.jsonl")
     importer = Importer(Path(task.folder))
@@ -78,6 +82,8 @@ async def run(task: WorkerTask, directory: Path, parent: int | None) -> None:
         held = HeldByEdge(latches, ended=partial(_end_motion, process), clock=clock)
         bus.control.subscribe(keys.held(edge), lambda _key, payload: held.take(payload))
         process.scheduler.every(TELL, held.look)
+    reload = Reload(task, process.robots.values, end=ended.set, started_by_hand=parent is None)
+    bus.control.answer(keys.reload(edge, name), reload.asked)
     recall = HistoryService(history)
     if parent is None:  # on another computer, with a file of its own
         bus.control.answer(keys.history(edge), recall.asked)
@@ -104,6 +110,7 @@ async def run(task: WorkerTask, directory: Path, parent: int | None) -> None:
         recall.close()
         await process.close()
         end_logs()
+    return RELOADED if reload.reloaded else 0
 
 
 def _end_motion(process: RobotProcess, robot: str, why: str) -> None:
@@ -131,11 +138,10 @@ def main() -> int:
             task = read_task(sys.stdin.buffer.read())
         else:
             task = task_of(load(given.config, partial=True), given.name)
-        run_loop(run(task, given.directory or runtime_dir(), given.parent))
+        return run_loop(run(task, given.directory or runtime_dir(), given.parent))
     except FleetError as error:
         log.error("%s", error)  # noqa: TRY400 - one line for a person, no traceback
         return 1
-    return 0
 
 
 if __name__ == "__main__":

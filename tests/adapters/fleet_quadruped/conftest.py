@@ -7,14 +7,29 @@ from fleet.clock import SystemClock
 from fleet.testing.robot import RecordingRobot, serve
 from fleet_quadruped import QuadrupedAdapter, QuadrupedConfig
 from fleet_quadruped.drives.cia402.states import DriveState
-from fleet_quadruped.robot.description import EXAMPLE, load_description
+from fleet_quadruped.robot.description import EXAMPLE, DogDescription, load_description
 from fleet_quadruped.sim.rig import Rig
+
+PROTOCOLS = ("cia402", "mit", "odrive", "moteus")
+_SENSORS = {
+    "imu": 0x600,
+    "battery": 0x400,
+    "led": 0x600,
+}  # added to their frames: ODrives have the first ones
 
 
 def speaking(dog, protocol, profile="damiao-8006"):
     """Return the same dog with other drives."""
-    drive = dog.drive.model_copy(update={"protocol": protocol, "profile": profile})
-    return dog.model_copy(update={"drive": drive})
+    tree = dog.model_dump(by_alias=True)
+    tree["drive"] |= {"protocol": protocol, "profile": profile}
+    if protocol == "odrive":
+        tree["drive"]["endpoints"] = {"enable_watchdog": 241, "watchdog_timeout": 242}
+        for name, more in _SENSORS.items():
+            for frame in tree[name].get("frames", [tree[name]]):
+                frame["id"] += more
+    if protocol == "moteus":
+        tree["buses"]["a"]["data_bitrate"] = 5_000_000
+    return DogDescription.model_validate(tree)
 
 
 @pytest.fixture(scope="session")
@@ -22,10 +37,16 @@ def dog():
     return load_description(EXAMPLE)
 
 
-@pytest.fixture(params=["cia402", "mit"])
+@pytest.fixture(params=PROTOCOLS)
 def any_dog(dog, request):
     """Return the example dog with each kind of drives."""
     return speaking(dog, request.param)
+
+
+@pytest.fixture(scope="session")
+def dogs(dog):
+    """Return the example dog with each kind of drives, by their protocol."""
+    return {protocol: speaking(dog, protocol) for protocol in PROTOCOLS}
 
 
 @pytest.fixture(scope="session")
@@ -35,10 +56,10 @@ def mit_dog(dog):
 
 @pytest.fixture
 def stopped_alone():
-    """Return what tells whether all drives have stopped by themselves: held (CiA 402), or limp (Damiao)."""
+    """Return what tells whether all drives have stopped by themselves: held (CiA 402), or limp or damped."""
 
     def judge(rig):
-        if rig.dog.drive.protocol == "mit":
+        if rig.dog.drive.protocol != "cia402":
             return all(motor.kp == 0 for motor in rig.sim.world.motors)
         held = all(motor.kp > 0 for motor in rig.sim.world.motors)
         return held and {drive.state for drive in rig.sim.drives} == {DriveState.QUICK_STOP}

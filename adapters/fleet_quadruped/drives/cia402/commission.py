@@ -14,7 +14,7 @@ from canopen.objectdictionary import ObjectDictionary
 from canopen.sdo.exceptions import SdoAbortedError, SdoCommunicationError
 
 from fleet.errors import LinkLost, LinkRefused
-from fleet_quadruped.can.frame import CanBus, CanFrame
+from fleet.link.canbus.frame import CanBus, CanFrame
 from fleet_quadruped.drives.cia402.setup import (
     CYCLIC_POSITION,
     DEVICE_TYPE,

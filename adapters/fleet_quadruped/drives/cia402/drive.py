@@ -7,9 +7,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from operator import attrgetter
 
+from fleet.link.canbus.frame import CanBus, CanFrame
 from fleet_quadruped.body.measured import Targets
 from fleet_quadruped.can.bus_guard import Address
-from fleet_quadruped.can.frame import CanBus, CanFrame
 from fleet_quadruped.drives.answers import Answers
 from fleet_quadruped.drives.base import NEVER, Joints, Power
 from fleet_quadruped.drives.cia402.commission import commission, limit_drive
@@ -48,7 +48,7 @@ from fleet_quadruped.drives.cia402.states import (
 from fleet_quadruped.robot.busload import SLOW_EVERY, frame_bits
 from fleet_quadruped.robot.description import DogDescription, Joint
 from fleet_quadruped.robot.names import Twelve
-from fleet_quadruped.robot.parts import Drive
+from fleet_quadruped.robot.parts import Bus, Drive
 
 _OF_ONE = (EMERGENCY, TPDO1, RPDO1, TPDO2, SDO_RESPONSE, SDO_REQUEST, HEARTBEAT)
 _SILENT = 8  # heartbeats that may be missing on a lossy bus; TPDOs tell silence sooner
@@ -106,22 +106,25 @@ class Cia402Drives:
         }
 
     @staticmethod
-    def problem(drive: Drive) -> str:  # noqa: ARG004 - each of its keys is checked by itself
+    def problems(dog: DogDescription) -> list[str]:  # noqa: ARG004 - each of its keys is checked by itself
         """Return that nothing is wrong."""
-        return ""
+        return []
 
     @staticmethod
-    def bits(drive: Drive, joints: int) -> float:
-        """Return the bits a second: PDOs, SYNC and heartbeats."""
+    def load(drive: Drive, joints: int, bus: Bus) -> float:
+        """Return what PDOs, SYNC and heartbeats take."""
         cyclic = joints * (2 + 1 / SLOW_EVERY) * frame_bits(8) + frame_bits(0) + frame_bits(1)
-        return drive.cycle_hz * cyclic + joints * frame_bits(1) / drive.heartbeat
+        return (drive.cycle_hz * cyclic + joints * frame_bits(1) / drive.heartbeat) / bus.bitrate
 
     @staticmethod
-    def identifiers(drive: Drive, number: int) -> tuple[int, ...]:  # noqa: ARG004 - the same for each make
-        """Return emergencies, PDOs, SDOs and heartbeat; of all: NMT, SYNC and our own heartbeat."""
-        if number == 0:
-            return 0, SYNC, HEARTBEAT + MASTER
-        return tuple(base + number for base in _OF_ONE)
+    def shared(dog: DogDescription) -> tuple[int, ...]:  # noqa: ARG004 - the same for each make
+        """Return NMT, SYNC and our own heartbeat."""
+        return 0, SYNC, HEARTBEAT + MASTER
+
+    @staticmethod
+    def identifiers(drive: Drive, joint: Joint) -> tuple[int, ...]:  # noqa: ARG004 - the same for each make
+        """Return emergencies, PDOs, SDOs and heartbeat."""
+        return tuple(base + joint.id for base in _OF_ONE)
 
     @staticmethod
     def farthest(joint: Joint, drive: Drive) -> float:  # noqa: ARG004 - it hangs on the joint alone

@@ -9,22 +9,23 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from operator import attrgetter
 
-from fleet.errors import LinkLost, LinkRefused
+from fleet.errors import LinkRefused
+from fleet.link.canbus.frame import CanBus, CanFrame
 from fleet_quadruped.body.measured import Targets
 from fleet_quadruped.can.bus_guard import Address
-from fleet_quadruped.can.frame import CanBus, CanFrame
 from fleet_quadruped.drives.answers import Answers
+from fleet_quadruped.drives.asking import ask_all
 from fleet_quadruped.drives.base import NEVER, Joints, Power
 from fleet_quadruped.drives.mit import frames as wire
 from fleet_quadruped.drives.mit.frames import MitCommand
-from fleet_quadruped.drives.mit.profiles import PROFILES
+from fleet_quadruped.drives.mit.profiles import PROFILES, MotorProfile, profile_name, profile_of
+from fleet_quadruped.drives.motor_units import Units, near
 from fleet_quadruped.robot.busload import frame_bits
 from fleet_quadruped.robot.description import DogDescription, Joint
-from fleet_quadruped.robot.parts import Drive
+from fleet_quadruped.robot.parts import Bus, Drive
 
 log = logging.getLogger(__name__)
 
-_TRIES, _LISTENS, _WAIT = 5, 20, 0.02  # rounds of questions, looks for answers in each, s of a look
 _TOLD = {Power.ENABLED: Power.ENABLED, Power.STOPPING: Power.STOPPING, Power.DISABLED: Power.STOPPING}
 """What an enabled motor is called, by what is wanted of it: it is not off before it says so."""
 _NAMES = ("PMAX", "VMAX", "TMAX")
@@ -37,7 +38,9 @@ class _Motor:
     joint: Joint
     bus: CanBus
     id: int
-    units: wire.MitUnits
+    units: Units
+    profile: MotorProfile
+    layout: wire.Layout
     gains: int  # those of the description, as they are in a command
     angle: float = 0.0
     speed: float = 0.0
@@ -53,10 +56,6 @@ class _Motor:
     restarted: bool = False  # it let go by itself, so its watchdog is not trusted any more
 
 
-Question = Callable[[_Motor], tuple[int, bytes]]
-Answered = Callable[[_Motor], bool]
-
-
 _VALUES = attrgetter("angle", "speed", "torque", "told_at", "temperature", "restarted")
 
 
@@ -66,44 +65,62 @@ class MitDrives:
     def __init__(self, dog: DogDescription, buses: Mapping[str, CanBus], joints: Sequence[Joint]) -> None:
         self._dog = dog
         self._buses = buses
-        self._profile = PROFILES[dog.drive.profile]
-        self._layout = wire.Layout(self._profile)
+        self._layouts: dict[MotorProfile, wire.Layout] = {}
         self._motors = [self._motor(joint) for joint in joints]
-        self._damiao = self._profile.damiao
+        self._damiao = [motor for motor in self._motors if motor.profile.damiao]
+        self._plain = [motor for motor in self._motors if not motor.profile.damiao]
         self._by_id = {(motor.joint.bus, motor.joint.id): motor for motor in self._motors}
+        self._by_reply = {(motor.joint.bus, wire.MASTER + motor.joint.id): motor for motor in self._damiao}
+        self._by_number = {(motor.joint.bus, motor.joint.id): motor for motor in self._plain}
         self._registers: dict[tuple[str, int, int], bytes] = {}
         self._wanted = Power.DISABLED
         self._most: float | None = None  # N m
 
     def _motor(self, joint: Joint) -> _Motor:
         kind = joint.kind
-        gains = self._layout.pack_gains(kind.kp / kind.ratio**2, kind.kd / kind.ratio**2)
-        return _Motor(joint, self._buses[joint.bus], joint.id, wire.MitUnits(joint), gains)
+        profile = profile_of(self._dog.drive, kind)
+        layout = self._layouts.setdefault(profile, wire.Layout(profile))
+        gains = layout.pack_gains(kind.kp / kind.ratio**2, kind.kd / kind.ratio**2)
+        return _Motor(joint, self._buses[joint.bus], joint.id, Units(joint), profile, layout, gains)
 
     @staticmethod
-    def problem(drive: Drive) -> str:
-        """Return that there is no such motor."""
-        if drive.profile in PROFILES:
-            return ""
-        return f"drive.profile: there is no {drive.profile!r}; there are {', '.join(sorted(PROFILES))}"
+    def problems(dog: DogDescription) -> list[str]:
+        """Return motors that are not known, and those that are described although they are."""
+        drive = dog.drive
+        again = sorted(set(drive.profiles) & set(PROFILES))
+        found = [f"drive.profiles: {name} is built in; give yours another name" for name in again]
+        known = ", ".join(sorted({*PROFILES, *drive.profiles}))
+        unknown: dict[str, str] = {}
+        for part, kind in dog.actuators.items():
+            name = profile_name(drive, kind)
+            if name not in PROFILES and name not in drive.profiles:
+                place = f"actuators.{part}.profile" if kind.profile else "drive.profile"
+                unknown[place] = (
+                    f"{place}: there is no {name!r}; there are {known}, or describe it in profiles"
+                )
+        return [*found, *unknown.values()]
 
     @staticmethod
-    def bits(drive: Drive, joints: int) -> float:
-        """Return the bits a second: a command and a reply for each joint in each cycle."""
-        return drive.cycle_hz * joints * 2 * frame_bits(8)
+    def load(drive: Drive, joints: int, bus: Bus) -> float:
+        """Return what a command and a reply for each joint in each cycle take."""
+        return drive.cycle_hz * joints * 2 * frame_bits(8) / bus.bitrate
 
     @staticmethod
-    def identifiers(drive: Drive, number: int) -> tuple[int, ...]:
-        """Return where a motor hears and answers; of all: Damiao's registers, or where the others answer."""
-        damiao = PROFILES[drive.profile].damiao
-        if number == 0:
-            return (wire.REGISTERS,) if damiao else (0,)
-        return (number, wire.MASTER + number) if damiao else (number,)
+    def shared(dog: DogDescription) -> tuple[int, ...]:
+        """Return Damiao's registers, and where the others answer."""
+        kinds = {profile_of(dog.drive, kind).damiao for kind in dog.actuators.values()}
+        return tuple(wire.REGISTERS if damiao else 0 for damiao in sorted(kinds))
 
     @staticmethod
-    def farthest(joint: Joint, drive: Drive) -> float:  # noqa: ARG004 - the same for all of its joints
+    def identifiers(drive: Drive, joint: Joint) -> tuple[int, ...]:
+        """Return where a motor hears, and where a Damiao motor answers."""
+        damiao = profile_of(drive, joint.kind).damiao
+        return (joint.id, wire.MASTER + joint.id) if damiao else (joint.id,)
+
+    @staticmethod
+    def farthest(joint: Joint, drive: Drive) -> float:
         """Return the range of the profile."""
-        return PROFILES[drive.profile].angle
+        return profile_of(drive, joint.kind).angle
 
     @property
     def addresses(self) -> frozenset[Address]:
@@ -114,24 +131,30 @@ class MitDrives:
         """Check that all motors answer; of Damiao motors also the ranges, and set their watchdog."""
         for motor in self._motors:
             motor.restarted = False
-        if not self._damiao:
+        if self._plain:
+            names = sorted({profile_name(self._dog.drive, motor.joint.kind) for motor in self._plain})
             log.warning(
-                "%s has no watchdog that can be set over CAN: check it in the maker's tool",
-                self._dog.drive.profile,
+                "%s: no watchdog that can be set over CAN; check it in the maker's tool", ", ".join(names)
             )
-            self._ask_all(
-                lambda motor: (motor.joint.id, self._giving_way(motor, self._dog.safety.kd)),
+            kd = self._dog.safety.kd
+            self._ask(
+                self._plain,
+                lambda motor: CanFrame(motor.id, self._giving_way(motor, kd)),
                 lambda motor: motor.told_at > NEVER,
             )
-            return
+        if self._damiao:
+            self._configure_damiao()
+
+    def _configure_damiao(self) -> None:
+        """Check the ranges, and set the watchdog."""
         for register in wire.RANGE_REGISTERS:
             self._read(register)
         self._check_ranges()
         timeout = wire.timeout_value(self._dog.drive.timeout)
-        self._ask_all(
-            lambda motor: (
-                wire.REGISTERS,
-                wire.write_register(motor.joint.id, wire.TIMEOUT_REGISTER, timeout),
+        self._ask(
+            self._damiao,
+            lambda motor: CanFrame(
+                wire.REGISTERS, wire.write_register(motor.id, wire.TIMEOUT_REGISTER, timeout)
             ),
             lambda motor: self._register(motor, wire.TIMEOUT_REGISTER) is not None,
         )
@@ -139,7 +162,7 @@ class MitDrives:
             key: value for key, value in self._registers.items() if key[2] != wire.TIMEOUT_REGISTER
         }
         self._read(wire.TIMEOUT_REGISTER)
-        for motor in self._motors:
+        for motor in self._damiao:
             actual = self._register(motor, wire.TIMEOUT_REGISTER)
             if actual != timeout:
                 raise LinkRefused(f"{motor.joint.name}: register 9 (watchdog) is {actual!r}, not {timeout!r}")
@@ -150,15 +173,16 @@ class MitDrives:
 
     def take(self, bus: str, frame: CanFrame, now: float) -> None:
         """Take a received frame."""
-        identifier, data = frame.id, frame.data
-        number = identifier - wire.MASTER if self._damiao else data[0] if identifier == 0 and data else 0
-        motor = self._by_id.get((bus, number))
-        if motor is None:
-            return
-        if self._damiao and (told := wire.unpack_register(data)) and told[0] == motor.joint.id:
+        data = frame.data
+        motor = self._by_reply.get((bus, frame.id))
+        if motor is not None and (told := wire.unpack_register(data)) and told[0] == motor.id:
             self._registers[bus, told[0], told[1]] = told[2]
             return
-        reply = self._layout.unpack_reply(data)
+        if motor is None and frame.id == 0 and data:
+            motor = self._by_number.get((bus, data[0]))
+        if motor is None:
+            return
+        reply = motor.layout.unpack_reply(data)
         if reply is None:
             return
         _, angle, speed, torque, motor.status, motor.temperature = reply
@@ -170,7 +194,7 @@ class MitDrives:
     def target(self, bus: str, frame: CanFrame) -> tuple[Joint, float] | None:
         """Return which joint a command sends where; one without stiffness sends it nowhere."""
         motor = self._by_id.get((bus, frame.id))
-        command = self._layout.unpack_command(frame.data)
+        command = None if motor is None else motor.layout.unpack_command(frame.data)
         if motor is None or command is None or frame.data in wire.SPECIAL:
             return None
         angle, _, kp, *_ = command
@@ -208,7 +232,7 @@ class MitDrives:
         for motor in self._motors:
             if self._is_enabled(motor):
                 here = MitCommand(motor.joint.motor(motor.angle))
-                self._send(motor, self._layout.pack_command(here))
+                self._send(motor, motor.layout.pack_command(here))
             else:
                 motor.answered = motor.answered and motor.enabled
                 motor.enabled, motor.unknown = True, False
@@ -216,17 +240,12 @@ class MitDrives:
 
     def write(self, targets: Targets) -> None:
         """Send targets with the gains of the description."""
-        pack, most = self._layout.pack_target, self._most
+        most = self._most
         for motor, angle, speed, torque in zip(self._motors, *targets, strict=True):
-            near = angle if most is None else self._near(motor, angle, most)
-            self._send(motor, pack(*motor.units.motor(near, speed, torque), motor.gains))
-
-    def _near(self, motor: _Motor, angle: float, most: float) -> float:
-        """Return a target that a limit of torque (N m) allows."""
-        if motor.joint.kind.kp == 0:
-            return angle
-        reach = most / motor.joint.kind.kp
-        return max(motor.angle - reach, min(motor.angle + reach, angle))
+            nearer = angle if most is None else near(motor.joint, motor.angle, angle, most)
+            self._send(
+                motor, motor.layout.pack_target(*motor.units.motor(nearer, speed, torque), motor.gains)
+            )
 
     def braking(self) -> str:
         """Return nothing: a motor that is enabled obeys."""
@@ -250,7 +269,7 @@ class MitDrives:
     def _giving_way(self, motor: _Motor, kd: float) -> bytes:
         """Return the command that damps a motor; one that is off stays off, and answers."""
         joint = motor.joint
-        return self._layout.pack_command(MitCommand(joint.motor(motor.angle), kd=kd / joint.kind.ratio**2))
+        return motor.layout.pack_command(MitCommand(joint.motor(motor.angle), kd=kd / joint.kind.ratio**2))
 
     def quick_stop(self) -> None:
         """Damp as the description says."""
@@ -266,27 +285,28 @@ class MitDrives:
     def reset_fault(self) -> None:
         """Clear errors, where the motor has such a frame."""
         for motor in self._motors:
-            self._send(motor, wire.CLEAR if self._damiao else wire.DISABLE)
+            self._send(motor, wire.CLEAR if motor.profile.damiao else wire.DISABLE)
 
     def _power(self, motor: _Motor) -> tuple[Power, str]:
         """Return what a motor is doing, and its fault."""
         joint, status = motor.joint, motor.status
         if motor.told_at == NEVER:
             return Power.ABSENT, ""
-        if self._damiao and status is not None and status in wire.STATUS:
+        damiao = motor.profile.damiao
+        if damiao and status is not None and status in wire.STATUS:
             return Power.FAULT, f"{wire.STATUS[status]} (status {status:X}h)"
-        if self._profile.error_at is not None and status:
+        if motor.profile.error_at is not None and status:
             return Power.FAULT, f"error {status} of the motor"
         if motor.answers.doubled:
             return Power.FAULT, f"two motors answer as id {joint.id} on bus {joint.bus}: give each its own"
         if motor.restarted:
             why = f"id {joint.id} let go by itself (status 0h); it is configured again after a reset"
             return Power.FAULT, why
-        may_hold = self._is_enabled(motor) or (motor.unknown and not self._damiao)
+        may_hold = self._is_enabled(motor) or (motor.unknown and not damiao)
         return _TOLD[self._wanted] if may_hold else Power.DISABLED, ""
 
     def _is_enabled(self, motor: _Motor) -> bool:
-        if self._damiao:
+        if motor.profile.damiao:
             return motor.status == wire.ENABLED
         return motor.enabled and motor.answered
 
@@ -297,45 +317,26 @@ class MitDrives:
         return self._registers.get((motor.joint.bus, motor.joint.id, register))
 
     def _read(self, register: int) -> None:
-        """Read one register of all motors."""
-        self._ask_all(
-            lambda motor: (wire.REGISTERS, wire.read_register(motor.joint.id, register)),
+        """Read one register of all Damiao motors."""
+        self._ask(
+            self._damiao,
+            lambda motor: CanFrame(wire.REGISTERS, wire.read_register(motor.id, register)),
             lambda motor: self._register(motor, register) is not None,
         )
 
-    def _ask_all(self, question: Question, answered: Answered) -> None:
-        """Ask every motor until it has answered; raises LinkLost naming the first that does not."""
-        for _ in range(_TRIES):
-            for motor in self._motors:
-                if not answered(motor):
-                    motor.bus.send(CanFrame(*question(motor)))
-            for _ in range(_LISTENS):
-                if all(map(answered, self._motors)) or not self._listen():
-                    break
-        for motor in self._motors:
-            if not answered(motor):
-                joint = motor.joint
-                raise LinkLost(
-                    f"{joint.name}: id {joint.id} on bus {joint.bus!r} is silent; check power, wiring, id"
-                )
-
-    def _listen(self) -> bool:
-        """Take what arrives; return False when all buses are quiet. Others may speak all the time."""
-        heard = False
-        for name, bus in self._buses.items():
-            for frame in bus.receive(_WAIT):
-                heard = True
-                self.take(name, frame, 0.0)
-        return heard
+    def _ask(
+        self, motors: list[_Motor], question: Callable[[_Motor], CanFrame], answered: Callable[[_Motor], bool]
+    ) -> None:
+        ask_all(motors, self._buses, self.take, question, answered)
 
     def _check_ranges(self) -> None:
         """Refuse motors whose frames mean other numbers than the profile says."""
-        wanted = self._profile.angle, self._profile.speed, self._profile.torque
-        for motor in self._motors:
+        for motor in self._damiao:
+            wanted = motor.profile.angle, motor.profile.speed, motor.profile.torque
             for register, name, most in zip(wire.RANGE_REGISTERS, _NAMES, wanted, strict=True):
                 (actual,) = struct.unpack("<f", self._register(motor, register) or bytes(4))
                 if not math.isclose(actual, most, rel_tol=1e-3):
                     raise LinkRefused(
                         f"{motor.joint.name}: register {register} ({name}) is {actual:g}, "
-                        f"wanted {most:g} for {self._dog.drive.profile}"
+                        f"wanted {most:g} for {profile_name(self._dog.drive, motor.joint.kind)}"
                     )

@@ -9,7 +9,6 @@ from types import MappingProxyType
 from typing import NamedTuple
 
 from fleet_quadruped.drives.mit.profiles import MotorProfile
-from fleet_quadruped.robot.description import Joint
 
 ENABLE = b"\xff\xff\xff\xff\xff\xff\xff\xfc"
 DISABLE = b"\xff\xff\xff\xff\xff\xff\xff\xfd"
@@ -60,27 +59,6 @@ Reply = tuple[int, float, float, float, int | None, float | None]
 
 Status and temperature are None where the motor does not tell them.
 """
-
-
-class MitUnits:
-    """Between a joint and its motor."""
-
-    __slots__ = ("_ratio", "_zero")
-
-    def __init__(self, joint: Joint) -> None:
-        ratio = joint.kind.ratio
-        self._zero = joint.offset * ratio
-        self._ratio = joint.sign * ratio
-
-    def motor(self, angle: float, speed: float, torque: float) -> tuple[float, float, float]:
-        """Return angle, speed and torque of the motor for those of its joint."""
-        ratio = self._ratio
-        return ratio * angle + self._zero, ratio * speed, torque / ratio
-
-    def joint(self, angle: float, speed: float, torque: float) -> tuple[float, float, float]:
-        """Return angle, speed and torque of the joint for those of its motor."""
-        ratio = self._ratio
-        return (angle - self._zero) / ratio, speed / ratio, torque * ratio
 
 
 class Layout:

@@ -1,10 +1,15 @@
-"""What MIT motors differ in: ranges, replies, what they can be asked. Ranges are never guessed."""
+"""What MIT motors differ in: ranges, replies, what they can be asked. Ranges are never guessed.
+
+A motor that is not here is described in YAML, below ``drive.profiles``.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from types import MappingProxyType
 from typing import NamedTuple
+
+from fleet_quadruped.robot.parts import Actuator, Drive
 
 
 class MotorProfile(NamedTuple):
@@ -44,3 +49,15 @@ PROFILES: Mapping[str, MotorProfile] = MappingProxyType(
         "damiao-h3510": MotorProfile(12.5, 280.0, 1.0, damiao=True, temperature_at=7),
     }
 )
+
+
+def profile_name(drive: Drive, kind: Actuator) -> str:
+    """Return the motor of joints of one kind."""
+    return kind.profile or drive.profile
+
+
+def profile_of(drive: Drive, kind: Actuator) -> MotorProfile:
+    """Return what is known of the motor of joints of one kind; raises KeyError for one that is not known."""
+    name = profile_name(drive, kind)
+    described = drive.profiles.get(name)
+    return PROFILES[name] if described is None else MotorProfile(**described.model_dump())

@@ -5,10 +5,10 @@ import click.testing
 import pytest
 
 from fleet.errors import ConfigError
+from fleet.link.canbus.frame import CanFrame
 from fleet.testing.clock import ManualClock
 from fleet_quadruped.body.gait import Twist
 from fleet_quadruped.can.capture import FILES, Capture, read_capture
-from fleet_quadruped.can.frame import CanFrame
 from fleet_quadruped.cli import can as fleet_can
 from fleet_quadruped.control.controller import Controller
 from fleet_quadruped.replay import Replay
@@ -50,6 +50,19 @@ def test_a_fault_is_written_once_and_told(capture, bus, tmp_path):
     told = [(one.bus, one.frame, one.sent) for one in read_capture(files(tmp_path)[0])]
     assert told == [("a", CanFrame(0x188, b"\x37\x12"), False), ("a", CanFrame(0x12345678, b""), True)]
     assert capture.look("", resting=True) == ""
+
+
+def test_frames_of_can_fd_and_remote_ones_come_back_and_other_tools_read_them(capture, tmp_path):
+    frames = [CanFrame(0x8001, bytes(range(48)), fd=True), CanFrame(0x021, b"", remote=True)]
+    for frame in frames:
+        capture.buses["a"].send(frame)
+    capture.look("x", resting=True)
+    capture.finish()
+    assert [one.frame for one in read_capture(files(tmp_path)[0])] == frames
+    with can.LogReader(files(tmp_path)[0]) as reader:
+        first, second = reader
+    assert (first.is_fd, first.bitrate_switch, bytes(first.data)) == (True, True, frames[0].data)
+    assert second.is_remote_frame
 
 
 def test_other_tools_read_it(capture, tmp_path):
@@ -134,7 +147,7 @@ def test_a_replay_names_the_drive_and_its_fault(failed):
 
 def test_a_person_replays_it_for_one_joint(failed):
     rig, path = failed
-    if rig.dog.drive.protocol == "mit":
+    if rig.dog.drive.protocol != "cia402":
         return  # the example's description, which a person would name, is one of CiA 402 drives
     told = click.testing.CliRunner().invoke(
         fleet_can, ["replay", str(EXAMPLE), str(path), "--joint", "RL_hip"], standalone_mode=False

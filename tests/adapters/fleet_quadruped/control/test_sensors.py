@@ -5,7 +5,7 @@ import struct
 
 import pytest
 
-from fleet_quadruped.can.frame import CanFrame
+from fleet.link.canbus.frame import CanFrame
 from fleet_quadruped.control.sensors import Values, imu_of
 from fleet_quadruped.frames import FieldMap, FrameMap
 from fleet_quadruped.robot.parts import Sensor

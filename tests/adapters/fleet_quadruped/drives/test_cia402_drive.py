@@ -2,7 +2,7 @@
 
 import pytest
 
-from fleet_quadruped.can.frame import CanFrame
+from fleet.link.canbus.frame import CanFrame
 from fleet_quadruped.drives import drives_of
 from fleet_quadruped.drives.base import Power
 from fleet_quadruped.drives.cia402.frames import EMERGENCY, HEARTBEAT, TPDO1, Units

@@ -3,11 +3,8 @@ import re
 import pytest
 
 from fleet.errors import ConfigError
-from fleet_quadruped.drives import drives_of
-from fleet_quadruped.drives.mit.drive import MitDrives
 from fleet_quadruped.robot.description import EXAMPLE, load_description
 from fleet_quadruped.robot.names import JOINTS
-from fleet_quadruped.sim.lockstep import SimBus
 
 
 def refused(path):
@@ -120,8 +117,8 @@ def test_a_motor_angle_leads_back_to_its_joint(dog):
 
 
 def test_a_protocol_that_nobody_speaks_is_told_with_those_there_are(write_dog):
-    with pytest.raises(ConfigError, match=r"there is no 'moteus'; there are cia402, mit"):
-        load_description(write_dog(("protocol: cia402", "protocol: moteus")))
+    with pytest.raises(ConfigError, match=r"there is no 'lego'; there are cia402, mit, moteus"):
+        load_description(write_dog(("protocol: cia402", "protocol: lego")))
 
 
 @pytest.mark.parametrize(
@@ -146,15 +143,3 @@ def test_all_slips_are_told_in_one_line(write_dog):
     assert "gait.duty" in told
     assert "robot.mass" in told
     assert "\n" not in told
-
-
-def test_a_protocol_is_a_class_and_its_row(dog, monkeypatch, write_dog):
-    class Quiet(MitDrives):
-        @staticmethod
-        def bits(drive, joints):
-            return 1000.0 * joints
-
-    monkeypatch.setattr("fleet_quadruped.drives.PROTOCOLS", {"quiet": Quiet})
-    quiet = load_description(write_dog(("protocol: cia402", "protocol: quiet\n  profile: damiao-8006")))
-    assert 0.012 < quiet.loads["a"] < 0.1
-    assert isinstance(drives_of(quiet, {"a": SimBus("a")}), Quiet)

@@ -1,8 +1,8 @@
 import pytest
 
 from fleet.errors import ConfigError
+from fleet.link.canbus.frame import CanFrame
 from fleet_quadruped.any_description import load_body
-from fleet_quadruped.can.frame import CanFrame
 from fleet_quadruped.robot.description import EXAMPLE
 from fleet_quadruped.safety.stages import Mode
 

@@ -2,7 +2,7 @@
 
 import pytest
 
-from fleet_quadruped.can.frame import CanFrame
+from fleet.link.canbus.frame import CanFrame
 from fleet_quadruped.drives.cia402.frames import OPERATIONAL, RPDO1, SYNC, pack_target
 from fleet_quadruped.drives.cia402.states import DriveState
 from fleet_quadruped.sim.cia402 import SimDrive

@@ -9,11 +9,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from fleet.errors import LinkLost
+from fleet.link.canbus import bus as buses
+from fleet.link.canbus import raw
+from fleet.link.canbus.bus import Bus
+from fleet.link.canbus.frame import CanFrame
 from fleet.testing.clock import ManualClock
-from fleet_quadruped.can import bus as buses
-from fleet_quadruped.can import raw
-from fleet_quadruped.can.bus import CanConnection
-from fleet_quadruped.can.frame import CanFrame
 
 frames = st.builds(CanFrame, st.integers(0, 0x1FFFFFFF), st.binary(max_size=8))
 
@@ -23,7 +23,7 @@ def wire(monkeypatch):
     """Return a Bus on one end of a pair of sockets, and the other end."""
     ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_DGRAM)
     monkeypatch.setattr(buses, "_socket_of", lambda _: ours)
-    bus = CanConnection("a", "can:virtual:raw", 1_000_000, ManualClock())
+    bus = Bus("a", "can:virtual:raw", 1_000_000, ManualClock())
     yield bus, theirs
     bus.close()
     ours.close()
@@ -51,7 +51,7 @@ def test_an_extended_frame_with_the_number_of_a_drive_is_not_the_drives(wire):
 
 
 def test_nor_is_it_by_python_cans_own_way():
-    ours = CanConnection("a", "can:virtual:foreign", 1_000_000, ManualClock())
+    ours = Bus("a", "can:virtual:foreign", 1_000_000, ManualClock())
     with can.Bus(interface="virtual", channel="foreign") as other:
         other.send(can.Message(arbitration_id=0x181, data=bytes(8), is_extended_id=True))
         other.send(can.Message(arbitration_id=0x182, is_extended_id=False))
@@ -62,6 +62,30 @@ def test_nor_is_it_by_python_cans_own_way():
 def test_golden_bytes():
     assert raw.pack(CanFrame(0x201, b"\x0f\x00")).hex() == "01020000020000000f00000000000000"
     assert raw.pack(CanFrame(0x18FF0102, b"")).hex() == "0201ff98000000000000000000000000"
+
+
+@pytest.mark.parametrize(
+    "frame",
+    [
+        CanFrame(0x8001, bytes(range(48)), fd=True),
+        CanFrame(0x7FF, b"", fd=True),
+        CanFrame(0x021, b"", remote=True),
+    ],
+)
+def test_fd_and_remote_frames_are_those_of_the_kernel(frame):
+    message = can.Message(
+        arbitration_id=frame.id,
+        data=frame.data,
+        is_extended_id=frame.extended,
+        is_fd=frame.fd,
+        bitrate_switch=frame.fd,
+        is_remote_frame=frame.remote,
+    )
+    ours, theirs = raw.pack(frame), build_can_frame(message)
+    assert ours[:7] + ours[8:] == theirs[:7] + theirs[8:]  # byte 7 is nobody's in CAN FD
+    packet = raw.unpack(raw.pack(frame))
+    assert packet.unwanted == frame.remote  # others may ask each other; we do not answer
+    assert frame.remote or packet.frame == frame
 
 
 @given(st.binary(max_size=80))

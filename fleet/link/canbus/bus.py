@@ -7,6 +7,8 @@ can:socketcand:can0?host=192.168.1.20&port=29536
 can:kvaser:0
 can:virtual:NAME
 
+The link of one robot says the bit rates, too: can:kvaser:0?bitrate=500000&data_bitrate=2000000 (CAN FD).
+
 A frame that cannot be sent is dropped: a newer one comes in the next cycle. A transmit queue that stays full
 means that nobody acknowledges; what lies in it would be replayed when power returns, so the bus is given up.
 """
@@ -15,6 +17,7 @@ from __future__ import annotations
 
 import contextlib
 import errno
+import math
 import re
 import socket
 from collections.abc import Iterable, Iterator, Mapping
@@ -27,18 +30,23 @@ from pydantic import AfterValidator
 
 from fleet.clock import Clock
 from fleet.errors import LinkLost, LinkRefused
-from fleet_quadruped.can import raw
-from fleet_quadruped.can.frame import CanFrame, is_foreign
-from fleet_quadruped.can.raw import Packet
+from fleet.link.canbus import raw
+from fleet.link.canbus.frame import CanFrame, is_foreign
+from fleet.link.canbus.raw import Packet
 
 _URL = re.compile(r"can:(?P<interface>[a-z0-9_]+):(?P<channel>[^?\s]+)(?:\?(?P<options>\S+))?", re.ASCII)
-_OPTION = re.compile(r"(?:host=(?P<host>[A-Za-z0-9.:_-]+)|port=(?P<port>\d{1,5}))", re.ASCII)
+_OPTION = re.compile(r"(?:host=[A-Za-z0-9.:_-]+|port=\d{1,5}|(?:data_)?bitrate=[1-9]\d{3,7})", re.ASCII)
 _TAKES: Mapping[str, tuple[str, ...]] = MappingProxyType(
     {"udp_multicast": ("port",), "socketcand": ("host", "port")}
 )
 """Which options an interface takes; all others take none."""
+_NO_BITRATE = frozenset({"socketcan", "udp_multicast", "socketcand", "virtual"})
+"""Interfaces whose bit rate somebody else sets: ``ip link``, the daemon, or nobody."""
 _SOCKETCAND_PORT = 29536  # of the daemon, where none is given
+_PCAN_CLOCK = 80_000_000  # Hz, of the interfaces that can CAN FD
 _REACHED = 2.0  # s in which a daemon's host must answer
+_RATES = ("bitrate", "data_bitrate")
+_BLOCKED = 0.01  # s that a bus is left alone after its queue was full
 _FULL_FOR = 0.1  # s of a full queue after which the bus is dead
 _BATCH = 256  # frames read at once
 _BUS_OFF = 0x40  # in the identifier of a SocketCAN error frame
@@ -50,33 +58,57 @@ _BROKEN = (can.CanError, OSError, ValueError, ImportError, TypeError, NameError,
 
 
 class BusUrl(NamedTuple):
-    """Which bus: python-can's interface and channel; host and port of a daemon, port of a multicast group."""
+    """Which bus: python-can's interface and channel; host and port of a daemon, port of a multicast group.
+
+    ``bitrate`` and ``data_bitrate`` (bit/s) of a link; the second makes it one of CAN FD.
+    """
 
     interface: str
     channel: str
     port: int | None = None
     host: str = ""
+    bitrate: int | None = None
+    data_bitrate: int | None = None
 
 
 def parse_bus(text: str) -> BusUrl:
-    """Return the parts of a bus URL; raises LinkRefused with an example."""
+    """Return the parts of a bus URL whose bit rates stand elsewhere; raises LinkRefused with an example."""
+    return _parse(text, rates=False)
+
+
+def parse_link(text: str) -> BusUrl:
+    """Return the parts of a robot's link, with its bit rates; raises LinkRefused with an example."""
+    parts = _parse(text, rates=True)
+    if parts.bitrate is None and parts.interface not in _NO_BITRATE:
+        example = f"can:{parts.interface}:{parts.channel}?bitrate=500000"
+        raise LinkRefused(f"{text!r} names no bit rate; write it like {example}")
+    return parts
+
+
+def _parse(text: str, *, rates: bool) -> BusUrl:
     match = _URL.fullmatch(text)
     if match is None:
         raise LinkRefused(f"{text!r} is not a bus; write it like can:socketcan:can0")
     if match["interface"] not in can.VALID_INTERFACES:
         raise LinkRefused(f"{text!r}: python-can has no interface {match['interface']!r}")
-    interface, given = match["interface"], _options(text, match["interface"], match["options"] or "")
+    interface, given = (
+        match["interface"],
+        _options(text, match["interface"], match["options"] or "", rates=rates),
+    )
     port = int(given["port"]) if "port" in given else None
     if port is not None and not 0 < port < 65536:
         raise LinkRefused(f"{text!r}: there is no port {port}")
     if interface == "socketcand" and "host" not in given:
         raise LinkRefused(f"{text!r} names no host; write it like can:socketcand:can0?host=192.168.1.20")
-    return BusUrl(interface, match["channel"], port, given.get("host", ""))
+    bitrates = [int(given[name]) if name in given else None for name in _RATES]
+    return BusUrl(interface, match["channel"], port, given.get("host", ""), *bitrates)
 
 
-def _options(text: str, interface: str, options: str) -> dict[str, str]:
+def _options(text: str, interface: str, options: str, *, rates: bool) -> dict[str, str]:
     """Return the options of a bus URL; raises LinkRefused for one that its interface does not take."""
     takes, given = _TAKES.get(interface, ()), {}
+    if rates and interface != "socketcand":
+        takes = (*takes, *(_RATES[1:] if interface in _NO_BITRATE else _RATES))
     for option in options.split("&") if options else ():
         name, _, value = option.partition("=")
         if _OPTION.fullmatch(option) is None or name not in takes or name in given:
@@ -98,19 +130,35 @@ BusText = Annotated[str, AfterValidator(_checked)]
 """The type of a bus in an adapter's config: checked when fleet.yaml is read."""
 
 
-class CanConnection:
-    """One open bus. ``dropped`` counts frames that could not be sent, ``errors`` error frames."""
+class Bus:
+    """One open bus. ``dropped`` counts frames that could not be sent, ``errors`` error frames.
 
-    def __init__(self, name: str, url: str, bitrate: int, clock: Clock) -> None:
+    ``data_bitrate`` (bit/s) makes it a bus of CAN FD.
+    """
+
+    def __init__(
+        self, name: str, url: str, bitrate: int, clock: Clock, data_bitrate: int | None = None
+    ) -> None:
         self.name = name
         self.url = url
         self.dropped = 0
         self.errors = 0
         self._clock = clock
         self._full_since: float | None = None
+        self._full_at = -math.inf
         self._dead = ""
-        self._bus: can.BusABC | None = _open(url, bitrate)
+        self._bus: can.BusABC | None = _open(url, bitrate, data_bitrate)
         self._socket = _socket_of(self._bus)
+
+    @property
+    def dead(self) -> str:
+        """Why it carries nothing any more, empty while it does."""
+        return self._dead
+
+    @property
+    def blocked(self) -> bool:
+        """True while its transmit queue was found full a moment ago."""
+        return self._clock.monotonic() - self._full_at < _BLOCKED
 
     def send(self, frame: CanFrame) -> None:
         """Send a frame, or drop and count it. A dead bus takes nothing more."""
@@ -176,10 +224,11 @@ class CanConnection:
         if code not in {None, errno.ENOBUFS, errno.EAGAIN}:
             self._dead = f"sending failed: {error}"
             return
+        self._full_at = now
         if self._full_since is None:
             self._full_since = now
         elif now - self._full_since > _FULL_FOR:
-            channel = parse_bus(self.url).channel
+            channel = _parse(self.url, rates=True).channel
             self._dead = (
                 "its transmit queue stays full, nobody acknowledges: are the drives powered? It may hold old "
                 f"targets: before power comes back run  ip link set {channel} down; ip link set {channel} up"
@@ -188,7 +237,15 @@ class CanConnection:
 
 def _message(frame: CanFrame) -> can.Message:
     """Return a frame as python-can has it."""
-    return can.Message(arbitration_id=frame.id, data=frame.data, is_extended_id=frame.extended, check=False)
+    return can.Message(
+        arbitration_id=frame.id,
+        data=None if frame.remote else frame.data,
+        is_extended_id=frame.extended,
+        is_remote_frame=frame.remote,
+        is_fd=frame.fd,
+        bitrate_switch=frame.fd,
+        check=False,
+    )
 
 
 def _received(bus: can.BusABC, wait: float) -> Iterator[Packet]:
@@ -197,7 +254,7 @@ def _received(bus: can.BusABC, wait: float) -> Iterator[Packet]:
         message = bus.recv(wait)
         if message is None:
             return
-        frame = CanFrame(message.arbitration_id, bytes(message.data))
+        frame = CanFrame(message.arbitration_id, bytes(message.data), message.is_fd)
         unwanted = message.is_remote_frame or is_foreign(frame.id, extended=message.is_extended_id)
         yield Packet(frame, message.is_error_frame, unwanted)
         wait = 0.0
@@ -208,24 +265,45 @@ def _socket_of(bus: can.BusABC) -> socket.socket | None:
     return bus.socket if isinstance(bus, SocketcanBus) else None
 
 
-def _open(url: str, bitrate: int) -> can.BusABC:
+def _open(url: str, bitrate: int, data_bitrate: int | None) -> can.BusABC:
     """Open a bus; raises LinkRefused when a person must act, LinkLost when it may work later."""
-    parts = parse_bus(url)
+    parts = _parse(url, rates=True)
     options: dict[str, Any] = {"interface": parts.interface, "channel": parts.channel}
     if parts.interface == "udp_multicast":
-        options |= {"fd": False, "hop_limit": 0}
+        options |= {"fd": data_bitrate is not None, "hop_limit": 0}
         if parts.port is not None:
             options["port"] = parts.port
     elif parts.interface == "socketcand":  # the bitrate is the daemon's
+        if data_bitrate is not None:
+            raise LinkRefused(
+                f"{url}: a socketcand daemon carries no CAN FD; open the bus on its own computer"
+            )
         options |= {"host": parts.host, "port": parts.port or _SOCKETCAND_PORT}
     elif parts.interface != "virtual":
         options["bitrate"] = bitrate
+        options |= _fd_options(parts.interface, bitrate, data_bitrate)
     try:
         if parts.host:  # python-can itself tries for 10 s without a pause
             socket.create_connection((options["host"], options["port"]), _REACHED).close()
         return can.Bus(**options)
     except _BROKEN as error:
         raise _unopened(url, parts.interface, error) from error
+
+
+def _fd_options(interface: str, bitrate: int, data_bitrate: int | None) -> dict[str, Any]:
+    """Return what python-can's interface needs for CAN FD; SocketCAN has its bit rates by ``ip link``."""
+    if data_bitrate is None:
+        return {}
+    if interface != "pcan":
+        return {"fd": True, "data_bitrate": data_bitrate}
+    timing = can.BitTimingFd.from_sample_point(
+        f_clock=_PCAN_CLOCK,
+        nom_bitrate=bitrate,
+        nom_sample_point=80.0,
+        data_bitrate=data_bitrate,
+        data_sample_point=80.0,
+    )
+    return {"timing": timing}
 
 
 def _unopened(url: str, interface: str, error: Exception) -> LinkLost | LinkRefused:

@@ -1,0 +1,61 @@
+"""Asking drives while they are set up: again for those that do not answer, and no longer than needed."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import Protocol, TypeVar
+
+from fleet.errors import LinkLost
+from fleet.link.canbus.frame import CanBus, CanFrame
+from fleet_quadruped.robot.description import Joint
+
+_TRIES, _LISTENS, _WAIT = 5, 20, 0.02  # rounds of questions, looks for answers in each, s of a look
+
+
+class Asked(Protocol):
+    """One drive that can be asked."""
+
+    @property
+    def joint(self) -> Joint:
+        """The joint it moves."""
+
+    @property
+    def bus(self) -> CanBus:
+        """The bus it is on."""
+
+
+AskedT = TypeVar("AskedT", bound=Asked)
+Take = Callable[[str, CanFrame, float], None]
+
+
+def ask_all(
+    drives: Sequence[AskedT],
+    buses: Mapping[str, CanBus],
+    take: Take,
+    question: Callable[[AskedT], CanFrame],
+    answered: Callable[[AskedT], bool],
+) -> None:
+    """Ask every drive until it has answered; raises LinkLost naming the first that does not."""
+    for _ in range(_TRIES):
+        for drive in drives:
+            if not answered(drive):
+                drive.bus.send(question(drive))
+        for _ in range(_LISTENS):
+            if all(map(answered, drives)) or not _listen(buses, take):
+                break
+    for drive in drives:
+        if not answered(drive):
+            joint = drive.joint
+            raise LinkLost(
+                f"{joint.name}: id {joint.id} on bus {joint.bus!r} is silent; check power, wiring, id"
+            )
+
+
+def _listen(buses: Mapping[str, CanBus], take: Take) -> bool:
+    """Take what arrives; return False when all buses are quiet. Others may speak all the time."""
+    heard = False
+    for name, bus in buses.items():
+        for frame in bus.receive(_WAIT):
+            heard = True
+            take(name, frame, 0.0)
+    return heard

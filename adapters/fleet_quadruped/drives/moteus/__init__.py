@@ -1,0 +1,1 @@
+"""moteus by its register protocol on CAN FD."""

@@ -1,0 +1,214 @@
+"""A simulated moteus: registers, modes, the watchdog of each command, diagnostics.
+
+As the real one: it takes every frame whose low byte is its id, answers only when asked to, limits its damping
+to the share of its stiffness, and leaves a time-out or a fault only by being stopped.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+
+from fleet.link.canbus.frame import CanFrame
+from fleet_quadruped.drives.moteus import frames as wire
+from fleet_quadruped.drives.moteus.frames import Part
+from fleet_quadruped.drives.motor_units import Units
+from fleet_quadruped.robot.description import Joint
+from fleet_quadruped.robot.parts import Drive
+from fleet_quadruped.sim.drive import COOL, STUBBORN, WARMING, Hears, SimEncoder
+from fleet_quadruped.sim.sensors import FULL
+from fleet_quadruped.sim.world import Motor
+
+_FAULTS = {"overcurrent": 33, "hot": 38}
+_KP, _KD = 120.0, 5.0  # N m/rad, N m s/rad of the joint, that it is configured with
+_DEFAULTS: Mapping[int, float] = {0x23: 1.0, 0x24: 1.0, 0x25: math.nan, 0x26: math.nan}
+"""Of the registers of a command, where it is not zero."""
+_WRITABLE = frozenset({wire.STOPPED, wire.OBEYS, wire.DAMPS, wire.BRAKES})
+_STARTING = 2  # the first of the modes on the way to position mode
+_LATCHED = frozenset({wire.FAILED, wire.TIMED_OUT})
+
+
+class SimMoteus:
+    """One servo at one joint; ``send`` puts its frames on the bus."""
+
+    def __init__(self, joint: Joint, motor: Motor, send: Callable[[CanFrame], None], drive: Drive) -> None:  # noqa: ARG002 - as it left its maker
+        self.joint = joint
+        self.motor = motor
+        self.encoder = SimEncoder(motor)
+        self.voltage = FULL
+        self.home = wire.REFERS_TO_OUTPUT
+        self._send = send
+        self._units = Units(joint)
+        self._square = joint.kind.ratio**2
+        self._temperature, self._warming = COOL, 0.0
+        self._terse = self._refusing = False
+        self._dozing = 0
+        self.stored = {
+            "servo.pid_position.kp": _KP / self._square * wire.TURN,
+            "servo.pid_position.kd": _KD / self._square * wire.TURN,
+            "servo.pid_position.ki": 0.0,
+            "servo.timeout_mode": float(wire.STOPPED),
+            "servo.timeout_max_torque_Nm": 5.0,
+        }
+        self.hears: Mapping[int, Hears] = dict.fromkeys(wire.heard_by(joint.id), self._hear)
+        self.boot()
+
+    def boot(self) -> None:
+        """Start as after power-on: stopped, everything as it was stored."""
+        self.mode, self._code = wire.STOPPED, 0
+        self.config = dict(self.stored)
+        self._command: dict[int, float] = {}
+        self._left = math.inf  # s that the command is valid
+        self._starts = False  # it is on the way to position mode
+        self._line = b""
+        self._text = b""
+        self._target = 0.0  # turns: where it is to be, which moves on with the velocity
+
+    def mute(self) -> None:
+        """Say and hear nothing any more."""
+        self.hears = {}
+
+    def fail(self, why: str) -> None:
+        """Go into fault; it is told in the next answer."""
+        self.mode, self._code = wire.FAILED, _FAULTS[why]
+
+    def cut_short(self) -> None:
+        """Send no whole answer any more."""
+        self._terse = True
+
+    def warm(self) -> None:
+        """Become warmer, for good."""
+        self._warming = WARMING
+
+    def doze(self) -> None:
+        """Miss the first few times that it is to be enabled."""
+        self._dozing = STUBBORN
+
+    def pretend(self) -> None:
+        """Be one that is configured for a softer robot."""
+        self.config["servo.pid_position.kp"] /= 10
+
+    def refuse(self) -> None:
+        """Keep its configuration as it is."""
+        self._refusing = True
+
+    def control(self, dt: float) -> None:
+        """Set the motor for the next ``dt`` seconds, and look after the watchdog."""
+        self._temperature += self._warming * dt
+        self.encoder.follow()
+        if self._starts:
+            self.mode, self._starts = wire.OBEYS, False
+        if self.mode == wire.OBEYS:
+            self._left -= dt
+            if self._left < 0:
+                self.mode = wire.TIMED_OUT
+        motor, mode = self.motor, self.mode
+        if mode == wire.TIMED_OUT:
+            mode = int(self.config["servo.timeout_mode"])
+        motor.kp = motor.kd = motor.feed = motor.target_speed = 0.0
+        if mode == wire.OBEYS:
+            self._obey(dt)
+        elif mode in {wire.DAMPS, wire.BRAKES}:
+            share = 1.0 if self.mode == wire.TIMED_OUT else self._value(0x24)
+            motor.kd = self._gain("servo.pid_position.kd") * min(1.0, share)
+
+    def _obey(self, dt: float) -> None:
+        """Follow the command: its position moves on with its velocity."""
+        motor = self.motor
+        self._target += self._value(0x21) * dt
+        angle, speed, torque = self._units.joint(
+            self._target * wire.TURN, self._value(0x21) * wire.TURN, self._value(0x22)
+        )
+        stiff = min(1.0, self._value(0x23))
+        motor.kp = self._gain("servo.pid_position.kp") * stiff
+        motor.kd = self._gain("servo.pid_position.kd") * min(stiff, self._value(0x24))
+        motor.target, motor.target_speed, motor.feed = angle - self.encoder.off, speed, torque
+
+    def _gain(self, name: str) -> float:
+        """Return a gain of the joint, per rad."""
+        return self.config[name] / wire.TURN * self._square
+
+    def _value(self, register: int) -> float:
+        return self._command.get(register, _DEFAULTS.get(register, 0.0))
+
+    def _hear(self, frame: CanFrame) -> None:
+        """Do what the sub-frames say, and answer when that was asked for."""
+        parts = wire.unpack(frame.data) if frame.fd else None
+        if parts is None:
+            return
+        written = {
+            register: value
+            for part in parts
+            if part.kind == 0
+            for register, value in enumerate(part.values, start=part.start)
+        }
+        if wire.MODE in written:
+            self._change(int(written[wire.MODE]), written)
+        for part in parts:
+            if part.kind == 0x40:
+                self._line += part.text
+                self._diagnose()
+        if frame.id & wire.REPLY:
+            self._answer(parts)
+
+    def _change(self, mode: int, written: dict[int, float]) -> None:
+        """Take a mode, if it leads there from where it is."""
+        if mode == wire.STOPPED:
+            self.mode, self._code, self._starts = wire.STOPPED, 0, False
+            return
+        if mode not in _WRITABLE or self.mode in _LATCHED:
+            return
+        self._starts = self._starts and mode == wire.OBEYS
+        if mode == wire.OBEYS and self.mode == wire.STOPPED:
+            if self._dozing:
+                self._dozing -= 1
+                return
+            self._target, self._starts = self._position(), True
+        self.mode, self._command = _STARTING if self._starts else mode, written
+        position = self._value(0x20)
+        if not math.isnan(position):
+            self._target = position
+        self._left = self._value(0x27) or 0.1
+        self._left = math.inf if math.isnan(self._left) else self._left
+
+    def _position(self) -> float:
+        """Return where it believes that it is, turns."""
+        return self._units.motor(self.encoder.angle, 0.0, 0.0)[0] / wire.TURN
+
+    def _diagnose(self) -> None:
+        """Answer whole lines: ``conf get NAME``, ``conf set NAME VALUE``."""
+        while b"\n" in self._line:
+            line, self._line = self._line.split(b"\n", 1)
+            match line.decode("ascii", "replace").split():
+                case ["conf", "get", name] if name in self.config:
+                    self._text += f"{self.config[name]:.6f}\r\n".encode()
+                case ["conf", "set", name, value] if name in self.config:
+                    if not self._refusing:
+                        self.config[name] = float(value)
+                    self._text += b"OK\r\n"
+                case _:
+                    self._text += b"ERR unknown\r\n"
+
+    def _answer(self, parts: list[Part]) -> None:
+        """Tell the registers and the text that were asked for."""
+        _, speed, torque = self._units.motor(0.0, self.motor.speed, self.motor.torque)
+        registers = {
+            wire.MODE: float(self.mode),
+            wire.POSITION: self._position(),
+            wire.VELOCITY: speed / wire.TURN,
+            wire.TORQUE: torque,
+            wire.HOME: float(self.home),
+            wire.VOLTAGE: self.voltage,
+            wire.TEMPERATURE: self._temperature,
+            wire.FAULT: float(self._code),
+        }
+        told = b""
+        for part in parts:
+            if part.kind == 1:
+                values = tuple(registers.get(part.start + at, 0.0) for at in range(part.size))
+                told += wire.pack_reply(part.resolution, part.start, values)
+            elif part.kind == 0x42:
+                told += wire.pack_answer(self._text)
+                self._text = b""
+        data = wire.padded(told)
+        self._send(CanFrame(wire.from_servo(self.joint.id), data[:2] if self._terse else data, fd=True))

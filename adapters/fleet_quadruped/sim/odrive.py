@@ -1,0 +1,214 @@
+"""A simulated ODrive: remote frames, heartbeat, axis states, gains, parameters, watchdog.
+
+As the real one: it speaks of where it is only when asked, its commands have no answer, only positions feed
+its watchdog, and a watchdog that expires disarms it, which is limp, until its errors are cleared.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+import struct
+from collections.abc import Callable, Mapping
+
+from fleet.link.canbus.frame import CanFrame
+from fleet_quadruped.drives.motor_units import Units
+from fleet_quadruped.drives.odrive import frames as wire
+from fleet_quadruped.drives.odrive.frames import Cmd, State
+from fleet_quadruped.robot.description import Joint
+from fleet_quadruped.robot.parts import Drive
+from fleet_quadruped.sim.drive import COOL, STUBBORN, WARMING, Hears, SimEncoder
+from fleet_quadruped.sim.sensors import FULL
+from fleet_quadruped.sim.world import Motor
+
+_BEAT = 0.1  # s between two heartbeats
+_ERRORS = {"overcurrent": 1 << 10, "hot": 1 << 13}
+_POSITION_GAIN, _VELOCITY_GAIN = 20.0, 1 / 6  # 1/s, N m s/turn: as it leaves its maker
+_SERIALS = itertools.count(1)
+_OFF, _ON = b"\x00", b"\x01"
+
+
+class SimOdrive:
+    """One drive at one joint; ``send`` puts its frames on the bus."""
+
+    def __init__(self, joint: Joint, motor: Motor, send: Callable[[CanFrame], None], drive: Drive) -> None:
+        self._serial = next(_SERIALS).to_bytes(6, "little")
+        self.joint = joint
+        self.motor = motor
+        self.encoder = SimEncoder(motor)
+        self.voltage = FULL
+        self._send = send
+        self._units = Units(joint)
+        self._square = joint.kind.ratio**2
+        self._endpoints = drive.endpoints
+        self._stored = math.inf if drive.endpoints else drive.timeout  # s: as odrivetool has set it
+        self._temperature, self._warming = COOL, 0.0
+        self._version = wire.OLDEST
+        self._terse = self._refusing = False
+        self._dozing = 0
+        self._beat_in = _BEAT
+        self._commands: Mapping[int, Callable[[bytes], None]] = {
+            Cmd.STATE: self._request,
+            Cmd.MODES: self._set_modes,
+            Cmd.INPUT_POS: self._input,
+            Cmd.POS_GAIN: self._set_position_gain,
+            Cmd.VEL_GAINS: self._set_velocity_gains,
+            Cmd.CLEAR: self._clear,
+            Cmd.PARAMETER: self._parameter,
+        }
+        self._answers: Mapping[int, Callable[[], bytes]] = {
+            Cmd.VERSION: lambda: wire.pack_version(*self._version),
+            Cmd.HEARTBEAT: lambda: wire.pack_heartbeat(self.errors, self.state),
+            Cmd.ADDRESS: lambda: bytes([self.joint.id]) + self._serial + bytes(1),
+            Cmd.ESTIMATES: self._estimates,
+            Cmd.TORQUES: self._torques,
+            Cmd.TEMPERATURE: lambda: wire.pack_pair(self._temperature, math.nan),
+            Cmd.SUPPLY: lambda: wire.pack_pair(self.voltage, 3.0),
+        }
+        self.hears: Mapping[int, Hears] = {wire.identifier(joint.id, command): self._hear for command in Cmd}
+        self.boot()
+
+    def boot(self) -> None:
+        """Start as after power-on: disarmed, everything as it was stored."""
+        self.state, self.errors = int(State.IDLE), 0
+        self._parameters: dict[int, bytes] = {}
+        if self._endpoints is not None:
+            self._parameters = {
+                self._endpoints.enable_watchdog: _OFF,
+                self._endpoints.watchdog_timeout: struct.pack("<f", 0.0),
+            }
+        self._position_gain, self._velocity_gain = _POSITION_GAIN, _VELOCITY_GAIN
+        self._obeys = False  # position control with the input passed through
+        self._target = (0.0, 0.0, 0.0)
+        self._unfed = 0.0
+
+    def mute(self) -> None:
+        """Say and hear nothing any more."""
+        self.hears = {}
+        self._beat_in = math.inf
+
+    def fail(self, why: str) -> None:
+        """Disarm with an error; it is told in the next heartbeat."""
+        self.errors, self.state = _ERRORS[why], State.IDLE
+
+    def cut_short(self) -> None:
+        """Send no whole frame any more."""
+        self._terse = True
+
+    def warm(self) -> None:
+        """Become warmer, for good."""
+        self._warming = WARMING
+
+    def doze(self) -> None:
+        """Miss the first few times that it is to be enabled."""
+        self._dozing = STUBBORN
+
+    def pretend(self) -> None:
+        """Be one with an old firmware."""
+        self._version = (0, 5)
+
+    def refuse(self) -> None:
+        """Keep its parameters as they are."""
+        self._refusing = True
+
+    @property
+    def watchdog(self) -> float:
+        """Seconds without a position after which it disarms."""
+        ends = self._endpoints
+        if ends is None:
+            return self._stored
+        (seconds,) = struct.unpack("<f", self._parameters[ends.watchdog_timeout])
+        return float(seconds) if self._parameters[ends.enable_watchdog] == _ON else math.inf
+
+    def control(self, dt: float) -> None:
+        """Set the motor for the next ``dt`` seconds, and look after watchdog and heartbeat."""
+        self._temperature += self._warming * dt
+        self.encoder.follow()
+        self._beat_in -= dt
+        if self._beat_in <= 0:
+            self._beat_in += _BEAT
+            self._say(Cmd.HEARTBEAT)
+        motor = self.motor
+        if self.state != State.CLOSED_LOOP:
+            motor.kp = motor.kd = motor.feed = motor.target_speed = 0.0
+            return
+        self._unfed += dt
+        if self._unfed > self.watchdog:
+            self.errors, self.state = wire.WATCHDOG_EXPIRED, State.IDLE
+            motor.kp = motor.kd = motor.feed = motor.target_speed = 0.0
+            return
+        damping = self._velocity_gain / wire.TURN * self._square
+        motor.kp, motor.kd = self._position_gain * damping, damping
+        target, motor.target_speed, motor.feed = self._units.joint(*self._target)
+        motor.target = target - self.encoder.off
+
+    def _hear(self, frame: CanFrame) -> None:
+        """Answer a remote frame, or obey a command."""
+        _, command = wire.split(frame.id)
+        if frame.remote:
+            self._say(command)
+        elif command in self._commands:
+            self._commands[command](frame.data)
+
+    def _say(self, command: int) -> None:
+        if command in self._answers:
+            data = self._answers[command]()
+            self._send(
+                CanFrame(wire.identifier(self.joint.id, Cmd(command)), data[:2] if self._terse else data)
+            )
+
+    def _request(self, data: bytes) -> None:
+        """Take a state that is asked for; closed loop begins where the motor is, and not with an error."""
+        if len(data) < 4:
+            return
+        (state,) = struct.unpack_from("<I", data)
+        if state == State.IDLE:
+            self.state = State.IDLE
+        elif state == State.CLOSED_LOOP and self.state == State.IDLE and not self.errors:
+            if self._dozing:
+                self._dozing -= 1
+                return
+            self._target = self._units.motor(self.encoder.angle, 0.0, 0.0)
+            self.state, self._unfed = State.CLOSED_LOOP, 0.0
+
+    def _set_modes(self, data: bytes) -> None:
+        self._obeys = data == wire.pack_modes()
+
+    def _input(self, data: bytes) -> None:
+        told = wire.unpack_input(data)
+        self._unfed = 0.0
+        if told is not None and self._obeys:
+            self._target = told
+
+    def _set_position_gain(self, data: bytes) -> None:
+        if len(data) >= 4:
+            (self._position_gain,) = struct.unpack_from("<f", data)
+
+    def _set_velocity_gains(self, data: bytes) -> None:
+        told = wire.unpack_pair(data)
+        if told is not None:
+            self._velocity_gain = told[0]
+
+    def _clear(self, _data: bytes) -> None:
+        self.errors = 0
+
+    def _parameter(self, data: bytes) -> None:
+        """Set a parameter, or tell it; one that is not there is not answered."""
+        told = wire.unpack_parameter(data)
+        if told is None or told[1] not in self._parameters:
+            return
+        operation, endpoint, value = told
+        if operation:
+            kept = self._parameters[endpoint]
+            self._parameters[endpoint] = kept if self._refusing else value[: len(kept)]
+            return
+        answer = struct.pack("<BHx", 0, endpoint) + self._parameters[endpoint]
+        self._send(CanFrame(wire.identifier(self.joint.id, Cmd.TOLD), answer))
+
+    def _estimates(self) -> bytes:
+        angle, speed, _ = self._units.motor(self.encoder.angle, self.motor.speed, 0.0)
+        return wire.pack_pair(angle / wire.TURN, speed / wire.TURN)
+
+    def _torques(self) -> bytes:
+        _, _, torque = self._units.motor(0.0, 0.0, self.motor.torque)
+        return wire.pack_pair(torque, torque)

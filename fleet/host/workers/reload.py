@@ -1,0 +1,146 @@
+"""A changed drop-in file, taken into use on request: its worker ends in order and is started again.
+
+Python cannot forget a module that is in use, so what is reloaded is the process. It goes on with the old file
+for as long as one of its robots moves or is commanded, and when the new one cannot be used.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+from collections.abc import Callable, Iterable
+from pathlib import Path
+
+import msgspec
+
+from fleet.bus.zenoh_session import Query
+from fleet.host.robot.local_robot import LocalRobot
+from fleet.host.workers.worker_task import RobotTask, WorkerTask
+from fleet.model.command import Reply, ReplyStatus
+from fleet.model.state import RobotState
+from fleet.plugins.drop_in_file import insecure
+from fleet.plugins.probe import ConfigCase, Probe, ProbeError, ProblemPlace
+
+log = logging.getLogger(__name__)
+
+RELOADED = 75  # exit code of a worker that is to be started again at once
+NAME = "reload"
+STILL = 0.05  # m/s: slower is noise of what a robot tells
+_LONGEST_NAME = 200  # bytes
+
+
+class Reload:
+    """Requests for a reload of one worker; ``end`` ends it in order.
+
+    ``started_by_hand``: nobody would start it again.
+    """
+
+    def __init__(
+        self,
+        task: WorkerTask,
+        robots: Callable[[], Iterable[LocalRobot]],
+        *,
+        end: Callable[[], None],
+        started_by_hand: bool,
+    ) -> None:
+        self.reloaded = False
+        self._task = task
+        self._robots = robots
+        self._end = end
+        self._by_hand = started_by_hand
+        self._loop = asyncio.get_running_loop()
+        self._under_way: asyncio.Task[None] | None = None
+
+    def asked(self, question: Query) -> None:
+        """Take a request, which names an adapter; from any thread."""
+        self._loop.call_soon_threadsafe(self._begin, question)
+
+    def _begin(self, question: Query) -> None:
+        if self._under_way is not None and not self._under_way.done():
+            _answer(question, "a reload is under way already")
+        else:
+            self._under_way = asyncio.create_task(self._carry_out(question))
+
+    async def _carry_out(self, question: Query) -> None:
+        """Answer a request, and end the worker when nothing speaks against it."""
+        name = question.payload[:_LONGEST_NAME].decode("utf-8", "replace")
+        try:
+            refusal = await self.refusal(name)
+        except Exception as error:  # a bug here must not end the worker; whoever asks waits
+            log.exception("the reload of %s failed", name)
+            refusal = f"the reload failed: {error}"
+        if not refusal:
+            log.info("worker %s: reloads the drop-in file of %s", self._task.worker, name)
+            self.reloaded = True
+            self._end()
+        _answer(question, refusal)
+
+    async def refusal(self, adapter: str) -> str:
+        """Return why the file of an adapter cannot be reloaded now; empty when it can."""
+        meant = [task for task in self._task.robots if task.adapter == adapter and task.file]
+        if not meant:
+            return f"worker {self._task.worker} runs no drop-in file with the adapter {adapter!r}"
+        if self._by_hand:
+            return f"worker {self._task.worker} was started by hand: end it and start it again"
+        moving = self._not_resting()
+        if moving:
+            return moving
+        flaw = await asyncio.to_thread(flaw_of, meant, self._task.folder)
+        # What was asked of a robot while the file was tried counts; nothing comes between this and the end.
+        return flaw or self._not_resting()
+
+    def _not_resting(self) -> str:
+        """Return which robot of this worker, whatever its adapter, does not rest."""
+        return next(filter(None, (not_resting(robot.state(), robot) for robot in self._robots())), "")
+
+
+def not_resting(state: RobotState, robot: LocalRobot) -> str:
+    """Return what a robot does that its worker's end would cut off; empty for one that rests."""
+    controller = robot.controller
+    if controller.in_motion:
+        return f"{state.name} is commanded ({controller.activity or 'moving'}); stop it first"
+    if controller.may_be_moving:
+        return f"{state.name} was lost in motion and may still move"
+    if state.armed:
+        return f"{state.name} is armed; disarm it first"
+    if state.speed is not None and state.speed > STILL:
+        return f"{state.name} moves at {state.speed:.2f} m/s"
+    return ""
+
+
+def flaw_of(robots: Iterable[RobotTask], folder: str) -> str:
+    """Return what is wrong with the changed files of robots, tried in processes of their own. Blocks."""
+    for robot in robots:
+        path = Path(robot.file)
+        unsafe = insecure(path.parent) or insecure(path)
+        if unsafe:
+            return f"{path}: {unsafe}"
+        probe = Probe(path)
+        try:
+            content = probe.found()
+            if robot.adapter not in {kind.name for kind in content.kinds}:
+                reports = "; ".join(content.reports) or f"it has no adapter {robot.adapter!r} any more"
+                return f"{path}: {reports}"
+            checked = probe.check(_case(robot, folder))
+        except ProbeError as error:
+            return f"{path}: {error}"
+        finally:
+            probe.close()
+        if checked.flaws:
+            flaw = checked.flaws[0]
+            why = f"{'.'.join(map(str, flaw.at.path))}: {flaw.message} {flaw.hint}".strip(": ")
+            return f"{robot.name}: the changed file refuses its config: {why}"
+    return ""
+
+
+def _case(robot: RobotTask, folder: str) -> ConfigCase:
+    """Return a robot's config as a case to be checked; its places are the names of its fields."""
+    steps = [(), *((name,) for name in msgspec.json.decode(robot.given))]
+    marks = tuple((at, ProblemPlace(robot.file, 0, 0, at)) for at in steps)
+    return ConfigCase(robot.adapter, robot.given, (), folder, marks=marks)
+
+
+def _answer(question: Query, refusal: str) -> None:
+    status = ReplyStatus.REJECTED if refusal else ReplyStatus.ACCEPTED
+    question.reply(msgspec.json.encode(Reply(NAME, status, refusal)))
+    question.close()

@@ -1,0 +1,65 @@
+import math
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from fleet_quadruped.drives.moteus import frames as wire
+from fleet_quadruped.drives.moteus.frames import Demand
+
+
+def test_the_example_of_the_protocols_document_is_understood():
+    command = wire.unpack(bytes.fromhex("01000a07206000200150ff140400130d"))
+    assert [(part.kind, part.start, part.values or part.size) for part in command] == [
+        (0, wire.MODE, (10,)),
+        (0, wire.COMMAND, (0x60, 0x120, -176)),
+        (1, wire.MODE, 4),
+        (1, wire.VOLTAGE, 3),
+    ]
+    answer = wire.unpack(bytes.fromhex("2404000a005000000170ff230d181400"))
+    assert [part.values for part in answer] == [(10, 80, 256, -144), (24, 20, 0)]
+
+
+def test_a_golden_command():
+    demand = Demand(0.5, 0.25, 1.0, 0.5, 0.25, 8.0, 0.125)
+    assert (
+        wire.pack_demand(wire.OBEYS, demand).hex()
+        == (
+            "01000a0c08200000003f0000803e0000803f0000003f0000803e000000410000c07f0000003e0228ffff1c040014040c50"
+        )[: 2 * 48]
+    )
+
+
+def test_frames_have_a_length_that_can_fd_has():
+    demand = Demand(*[0.0] * 7)
+    for data in (wire.pack_demand(10, demand), wire.pack_mode(0), wire.pack_query(), wire.pack_text("x\n")):
+        assert len(data) in {8, 12, 16, 20, 24, 32, 48, 64}
+        assert wire.unpack(data) is not None
+
+
+@given(st.binary(max_size=64))
+def test_no_frame_breaks_the_decoder(data):
+    parts = wire.unpack(data)
+    assert parts is None or wire.registers(parts) is not None
+
+
+@pytest.mark.parametrize("place", range(1, 7))
+def test_what_is_no_number_is_not_sent(place):
+    values = [0.0] * 7
+    values[place] = math.nan
+    with pytest.raises(ValueError, match="cannot be sent"):
+        wire.pack_demand(10, Demand(*values))
+    with pytest.raises(ValueError, match="cannot be sent"):
+        wire.pack_demand(10, Demand(math.inf, *[0.0] * 6))
+
+
+def test_a_servo_hears_every_frame_whose_low_byte_is_its_id():
+    assert wire.heard_by(8) == (0x008, 0x108, 0x208, 0x308, 0x408, 0x508, 0x608, 0x708, 0x8008)
+
+
+@given(st.lists(st.floats(-1e6, 1e6), min_size=1, max_size=4))
+def test_registers_come_back_integers_clamped(values):
+    for resolution in range(4):
+        told = wire.registers(wire.unpack(wire.pack_reply(resolution, wire.VOLTAGE, tuple(values))))
+        assert len(told) == len(values)
+        assert all(math.isfinite(value) for value in told.values())

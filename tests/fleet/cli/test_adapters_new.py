@@ -1,0 +1,116 @@
+"""A generated package passes its own tests as it is, and nothing of anybody's is overwritten."""
+
+import os
+import re
+import subprocess
+import sys
+import zipfile
+
+import pytest
+
+from fleet.cli.adapters_new import KINDS, package
+from fleet.plugins.registry import Registry
+
+
+@pytest.fixture(params=list(KINDS))
+def kind(request):
+    return request.param
+
+
+def installed(folder, into):
+    """Install a package as a wheel, entry points included, into a folder; return an environment with it."""
+    build = "import sys; from setuptools import build_meta; print(build_meta.build_wheel(sys.argv[1]))"
+    built = subprocess.run(
+        [sys.executable, "-c", build, str(into)], cwd=folder, capture_output=True, text=True, check=True
+    )
+    scheduler = into / built.stdout.split()[-1]
+    zipfile.ZipFile(scheduler).extractall(into)
+    return os.environ | {"PYTHONPATH": str(into), "PYTHONWARNINGS": ""}
+
+
+def test_the_tests_of_a_new_package_pass_as_they_are_and_fleet_finds_it(fleet, place, kind, tmp_path):
+    assert fleet("adapters", "new", "six-wheeler", "--kind", kind).code == 0
+    folder, site = place / "six-wheeler", tmp_path / "site"
+    site.mkdir()
+    environment = installed(folder, site)
+    tests = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", "-p", "no:asyncio"]
+    result = subprocess.run(tests, cwd=folder, env=environment, capture_output=True, text=True, check=False)
+    assert result.returncode == 0, result.stdout
+    assert int(re.search(r"(\d+) passed", result.stdout)[1]) >= 15
+    shown = [sys.executable, "-m", "fleet", "adapters", "--json"]
+    found = subprocess.run(
+        shown, cwd=site, env=environment, capture_output=True, text=True, check=True
+    ).stdout
+    assert '"six-wheeler"' in found
+
+
+def test_it_says_what_it_wrote_and_what_comes_next(fleet, place):
+    result = fleet("adapters", "new", "six-wheeler")
+    written = result.out.splitlines()
+    assert written[0] == "wrote six-wheeler/pyproject.toml"
+    assert all((place / line.removeprefix("wrote ")).is_file() for line in written)
+    assert len(written) == len(list((place / "six-wheeler").rglob("*.*")))
+    assert "next: cd six-wheeler && python -m pip install -e '.[test]' && python -m pytest" in result.err
+
+
+def test_a_program_gets_the_files_as_json(fleet, place):
+    document = fleet("adapters", "new", "hexapod", "--kind", "can", "--into", "robots", "--json").json
+    assert document["adapter"] == "hexapod"
+    assert "robots/hexapod/fleet_hexapod/adapter.py" in document["written"]
+
+
+def test_what_is_there_stays_as_it_is(fleet, place):
+    (place / "rover").mkdir()
+    (place / "rover" / "precious.txt").write_text("mine")
+    result = fleet("adapters", "new", "rover")
+    assert result.code == 1
+    assert "rover is there already; it stays as it is" in result.err
+    assert [path.name for path in (place / "rover").iterdir()] == ["precious.txt"]
+
+
+@pytest.mark.parametrize(
+    ("name", "told"),
+    [
+        ("Rover", "use small letters"),
+        ("2wheels", "use small letters"),
+        ("a_b", "use small letters"),
+        ("a--b", "use small letters"),
+        ("../evil", "use small letters"),
+        ("x" * 41, "at most 40 of them"),
+        ("class", "is a word of its own here"),
+        ("new", "is a word of its own here"),
+        ("mavlink", "there is an adapter 'mavlink' already"),
+    ],
+)
+def test_a_name_that_cannot_be_is_refused(fleet, place, name, told):
+    before = sorted(place.iterdir())
+    result = fleet("adapters", "new", name)
+    assert result.code == 2
+    assert told in " ".join(result.err.split())
+    assert sorted(place.iterdir()) == before
+
+
+def test_a_kind_that_is_none_is_told_with_those_there_are(fleet, place):
+    assert "'frame', 'can', 'sdk'" in fleet("adapters", "new", "rover", "--kind", "ros").err
+
+
+def test_help_shows_the_kinds_and_an_example(fleet):
+    told = fleet("adapters", "new", "--help").out
+    assert "frames on a CAN bus" in told
+    assert "fleet adapters new hexapod --kind can" in told
+
+
+def test_an_adapter_of_frames_is_short():
+    for kind in ("frame", "can"):
+        assert package("rover", kind)["fleet_rover/adapter.py"].count("\n") < 50
+
+
+def test_nothing_of_a_template_is_left(kind):
+    for path, text in package("six-wheeler", kind).items():
+        assert not re.search(r"@[a-z]+@", path + text), path
+        assert not path.endswith(".py") or compile(text, path, "exec")
+
+
+def test_the_list_is_what_is_shown_without_a_command(fleet, place):
+    assert fleet("adapters").out == fleet("adapters", "show").out
+    assert all(name in fleet("adapters").out for name in Registry().names())

@@ -1,0 +1,140 @@
+"""A changed drop-in file is taken into use while its robots rest, and never under one that moves."""
+
+import asyncio
+import json
+import re
+import sys
+
+import msgspec
+import pytest
+
+from fleet.bus import keys
+from fleet.model.command import Reply
+
+GOTO = {"command": "goto", "position": [1.0, 2.0, 0.0], "action_id": "a1"}
+
+
+async def fleet(*arguments):
+    """Run the command line; return its exit code, and what it wrote to stdout and stderr."""
+    pipe = asyncio.subprocess.PIPE
+    process = await asyncio.create_subprocess_exec(
+        sys.executable, "-m", "fleet", *arguments, stdout=pipe, stderr=pipe
+    )
+    out, err = await process.communicate()
+    return process.returncode, out.decode(), err.decode()
+
+
+class Field:
+    """A running edge: arm and leg in one worker, rex in the edge's process."""
+
+    def __init__(self, place, edge, bus_session, asks):
+        self.place, self.edge, self.bus_session, self._asks = place, edge, bus_session, asks
+        self.file = place.file.parent / "plugins" / "toy.py"
+
+    async def reload(self, adapter="toy", worker="limbs"):
+        def ask():
+            key = keys.reload(self.place.id, worker)
+            answers = self.bus_session.ask(key, adapter.encode(), timeout=40)
+            return [msgspec.json.decode(answer, type=Reply) for _, answer in answers]
+
+        (reply,) = await asyncio.to_thread(ask)
+        return reply
+
+    async def say(self, robot, message, kind="command"):
+        def ask():
+            key, payload = keys.command(self.place.id, robot), json.dumps(message).encode()
+            list(self.bus_session.ask(key, payload, timeout=20, parameters={"kind": kind}))
+
+        await asyncio.to_thread(ask)
+
+    def change(self, old, new):
+        text = self.file.read_text()
+        assert old in text, old
+        self.file.write_text(text.replace(old, new))
+
+    async def until(self, condition):
+        await self._asks.until(condition, 30)
+
+    def state(self, robot):
+        return next(state for state in self.edge.states() if state.name == robot)
+
+
+@pytest.fixture
+async def field(yard, run_edge, asks):
+    place = yard(arm={"worker": "limbs"}, leg={"worker": "limbs"}, rex={"worker": "main"})
+    edge = place.edge()
+    async with run_edge(edge):
+        await asks.until(lambda: all(state.health == "ok" for state in edge.states()), 30)
+        bus_session = await asyncio.to_thread(place.bus_session)
+        yield Field(place, edge, bus_session, asks)
+        await asyncio.to_thread(bus_session.close)
+
+
+async def test_a_changed_file_is_in_use_after_it_and_the_edge_runs_on(field):
+    (before,) = field.place.processes("arm")
+    field.change('self.note("run")', 'self.note("run"); self.note("changed")')
+    code, out, _ = await fleet("adapters", "reload", "toy", "-f", str(field.place.file))
+    assert (code, out) == (7, "worker limbs: reloaded; back are arm, leg\n")  # 7: rex has no worker
+    await field.until(lambda: all(state.health == "ok" for state in field.edge.states()))
+    assert field.place.processes("arm")[-1] != before
+    assert "changed" in field.place.words("arm")
+    assert len(field.place.processes("rex")) == 1
+
+
+async def test_a_person_is_told_why_it_is_refused(field):
+    await field.say("leg", GOTO, kind="navigate")
+    await field.until(lambda: "navigate" in field.place.words("leg"))
+    code, out, err = await fleet("adapters", "reload", "toy", "-f", str(field.place.file))
+    assert (code, out) == (5, "")
+    assert "worker limbs: not reloaded: leg is commanded" in err
+    assert "rex: no drop-in file in a worker runs it; end fleet run and start it again" in err
+    code, _, err = await fleet("adapters", "reload", "toi", "-f", str(field.place.file))
+    assert code == 5
+    assert "no running robot has the adapter 'toi'" in err
+
+
+async def test_it_is_refused_while_a_robot_of_the_worker_is_commanded(field):
+    await field.say("leg", GOTO, kind="navigate")
+    await field.until(lambda: "navigate" in field.place.words("leg"))
+    reply = await field.reload()
+    assert not reply.ok
+    assert re.match(r"leg is commanded \(.+\); stop it first", reply.reason)
+    assert len(field.place.processes("leg")) == 1
+    await field.say("leg", {"command": "stop"})
+    await field.until(lambda: field.state("leg").activity == "")
+    assert (await field.reload()).ok
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "told"),
+    [
+        ("class Toy", "class Toy(", r"toy\.py: .*SyntaxError|toy\.py: .*syntax"),
+        ('Literal["toy"]', 'Literal["other"]', r"toy\.py: it has no adapter 'toy' any more"),
+        (
+            "journal: str",
+            "journal: int",
+            r"arm: the changed file refuses its config: journal: must",
+        ),
+    ],
+)
+async def test_a_changed_file_that_cannot_be_used_leaves_the_old_one_in_use(field, old, new, told):
+    field.change(old, new)
+    reply = await field.reload()
+    assert not reply.ok
+    assert re.search(told, reply.reason), reply.reason
+    assert len(field.place.processes("arm")) == 1
+    assert field.state("arm").health == "ok"
+
+
+async def test_what_a_worker_does_not_run_is_told(field):
+    reply = await field.reload("lawnmower")
+    assert reply.reason == "worker limbs runs no drop-in file with the adapter 'lawnmower'"
+
+
+async def test_an_emergency_stop_outlives_it(field):
+    await field.say("arm", {"command": "emergency_stop"})
+    await field.until(lambda: field.state("arm").emergency_stop)
+    assert (await field.reload()).ok
+    await field.until(lambda: len(field.place.processes("arm")) == 2)
+    await field.until(lambda: field.state("arm").reachable)
+    assert field.state("arm").emergency_stop
