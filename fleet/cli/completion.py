@@ -54,7 +54,13 @@ def _commands(edges: Edges, given: Mapping[str, Any]) -> set[str]:
     return {one.name for one in edges.description(robot).commands}
 
 
+def _places(edges: Edges, _given: Mapping[str, Any]) -> set[str]:
+    """Return the places."""
+    return {place for edge in edges.edges() for place in edge.places}
+
+
 ROBOT = RunningName("robot", _robots)
+PLACE = RunningName("place", _places)
 COMMAND = RunningName("command", _commands)
 
 

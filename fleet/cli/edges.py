@@ -21,6 +21,7 @@ from fleet.history.event_filter import EventFilter, newest
 from fleet.history.record import Record
 from fleet.model.command import Reply
 from fleet.model.description import RobotDescription
+from fleet.model.place import Place
 from fleet.model.state import EdgeState, RobotState
 from fleet.runtime.decoding import decode_json
 
@@ -126,6 +127,19 @@ class Edges:
             hints = [near or f"there are: {', '.join(known) or 'none'}", *self.unreached, *self.silent(edges)]
             raise UnknownRobot(f"there is no robot {name!r}", hint="; ".join(hints))
         return found
+
+    def place(self, name: str, robots: Iterable[RobotState]) -> Place:
+        """Return the place of this name, as the edges of these robots have it; raises Refused."""
+        wanted = {robot.edge for robot in robots}
+        places = {edge.edge: edge.places for edge in self.edges() if edge.edge in wanted}
+        found = [there[name] for there in places.values() if name in there]
+        if len(found) == len(wanted) and all(place == found[0] for place in found):
+            return found[0]
+        if found:
+            raise Refused(f"{name} is not the same place on {', '.join(sorted(wanted))}")
+        known = sorted({place for there in places.values() for place in there})
+        hint = nearest(name, known) or f"there are: {', '.join(known) or 'none; places: in fleet.yaml'}"
+        raise Refused(f"there is no place {name!r}", hint=hint)
 
     def description(self, robot: RobotState) -> RobotDescription:
         """Return what a robot takes; raises TimedOut when its process does not answer."""

@@ -96,7 +96,7 @@ def ask(
         out,
         name,
         kind,
-        lambda robots: [message] * len(robots),
+        lambda _, robots: [message] * len(robots),
         wait=wait,
         timeout=timeout,
         file=file,
@@ -108,7 +108,7 @@ def ask_each(
     out: Output,
     name: str,
     kind: str,
-    messages: Callable[[list[RobotState]], list[dict[str, Any]]],
+    messages: Callable[[Edges, list[RobotState]], list[dict[str, Any]]],
     *,
     wait: bool,
     timeout: float,
@@ -123,7 +123,7 @@ def ask_each(
             (robot, command, edges.command(robot, stamped(message), kind=kind, wait=wait, timeout=within))
             for robot, command, message in [
                 (robot, message["command"], message)
-                for robot, message in zip(robots, _finite(messages(robots)), strict=True)
+                for robot, message in zip(robots, _finite(messages(edges, robots)), strict=True)
             ]
         ]
         with around(out, edges, robots) if wait else contextlib.nullcontext():

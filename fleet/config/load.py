@@ -33,6 +33,7 @@ from fleet.config.checks import (
 from fleet.config.drop_in import DropInConfig, asked
 from fleet.config.environment import cloud_from_environment
 from fleet.config.explain import validated, validated_with
+from fleet.config.places import check_places
 from fleet.config.problems import InvalidConfig, Path, Problem
 from fleet.config.schema import FleetConfig, Sections
 from fleet.config.text import nearest
@@ -127,6 +128,8 @@ def _load(file: pathlib.Path, environ: Mapping[str, str], partial: bool, registr
         check_workers(sections, document)
     configs = {index: robot.config for index, robot in robots.items()}
     check_followers(configs, document)
+    if sections is not None:
+        check_places(sections.places, configs.values(), sections.site.origin, document)
     warn_of_batteries(configs, document)
     warn_of_drop_ins({index: made.config for index, made in robots.items() if made.plugin.file}, document)
     at_home = [index for index, robot in robots.items() if getattr(robot.plugin.adapter, "tells_home", False)]

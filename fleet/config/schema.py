@@ -10,6 +10,7 @@ from pydantic import AfterValidator, Field, SecretStr, model_validator
 
 from fleet.config.endpoints import COMMON_NAME, Insecure, Role, check_locator, is_encrypted, is_local
 from fleet.config.notify import NotifyConfig
+from fleet.config.places import PlaceConfig
 from fleet.robot_config import AdapterConfig, Name
 from fleet.wire.topic_rules import ChannelConfig, ChannelName, TopicsConfig
 from fleet.yaml_model import ExistingPath, Model, NewPath, wrong
@@ -303,6 +304,9 @@ class Sections(Model):
         {}, description="Merged under every robot; what a robot says itself wins."
     )
     groups: dict[Name, tuple[Name, ...]] = Field({}, description="Names for several robots at once.")
+    places: dict[Name, PlaceConfig] = Field(
+        {}, description="Named points and areas: where robots are sent by name, and what missions occupy."
+    )
     stop_inputs: tuple[StopInputConfig, ...] = Field(
         (), description="Devices whose heartbeat lets robots move; docs/stops.md says what they are not."
     )

@@ -20,6 +20,7 @@ from fleet.bus.zenoh_session import Query
 from fleet.clock import Clock
 from fleet.cloud.values import CloudState
 from fleet.config.load import Loaded
+from fleet.config.places import places_of
 from fleet.health.aggregate import edge_health, robots_by_health
 from fleet.health.load import read_load
 from fleet.host.edge.certificate_expiry import CertificateExpiry, files_of
@@ -126,6 +127,7 @@ class Edge:
             self.metrics, self._metrics_port = self._make_metrics()
             undo.pop_all()
         self._groups = {name: list(robots) for name, robots in config.groups.items()}
+        self._places = places_of(config.places)
         self._stop_inputs = StopInputs(
             config.stop_inputs,
             self._groups,
@@ -266,6 +268,7 @@ class Edge:
             memory_percent=load.memory_percent,
             threads=load.threads,
             groups=self._groups,
+            places=self._places,
         )
 
     def _dropped(self) -> int:
