@@ -14,7 +14,7 @@ from fleet.cli.completion import COMMAND, ROBOT
 from fleet.cli.edges import Edges
 from fleet.cli.local_user import local_user
 from fleet.cli.options import reach_option, timeout_option, wait_option
-from fleet.cli.output import ExitCode, Output, with_output
+from fleet.cli.output import ExitCode, Output, together, with_output
 from fleet.cli.ps import for_programs
 from fleet.model.command import Reply, ReplyStatus
 from fleet.model.state import RobotState
@@ -133,8 +133,7 @@ def ask_each(
     if wait:
         last = [(robot, _ended(out, robot, reply, within)) for robot, reply in last]
     out.data({"answers": [{"robot": robot.name, **for_programs(reply)} for robot, reply in last]})
-    codes = {code_of(reply) for _, reply in last}
-    return codes.pop() if len(codes) == 1 else ExitCode.SOME_FAILED
+    return together(out, [(robot.name, code_of(reply)) for robot, reply in last])
 
 
 def _finite(messages: list[dict[str, Any]]) -> list[dict[str, Any]]:

@@ -158,24 +158,6 @@ def check_stop_inputs(data: Mapping[str, Any], document: Document) -> None:
                 document.report(mark, f"there is no robot or group {name!r}", nearest(name, names))
 
 
-def check_groups(data: Mapping[str, Any], document: Document) -> None:
-    """Report groups that name no robot, name one twice, or are called like one."""
-    groups = data.get("groups")
-    listed = data.get("robots")
-    if not isinstance(groups, dict) or not isinstance(listed, list):
-        return
-    names = {str(robot["name"]) for robot in listed if isinstance(robot, dict) and "name" in robot}
-    for group, members in groups.items():
-        if group in names:
-            document.report(document.keys["groups", group], "a robot has this name too", "rename the group")
-        for index, member in enumerate(members if isinstance(members, list) else ()):
-            place = document.marks["groups", group, index]
-            if isinstance(member, str) and member not in names:
-                document.report(place, f"there is no robot {member!r}", nearest(member, names))
-            elif member in members[:index]:
-                document.report(place, f"{member!r} is in the group already")
-
-
 def check_bus(bus: BusConfig, document: Document) -> None:
     """Report each endpoint of the bus by which somebody unknown could command the robots, at its place.
 

@@ -126,7 +126,7 @@ class Edge:
                 self.process.on_holder = self._presence.hold
             self.metrics, self._metrics_port = self._make_metrics()
             undo.pop_all()
-        self._groups = {name: list(robots) for name, robots in config.groups.items()}
+        self._groups = {name: list(robots) for name, robots in config.members.items()}
         self._places = places_of(config.places)
         self._stop_inputs = StopInputs(
             config.stop_inputs,
