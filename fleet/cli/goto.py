@@ -18,6 +18,7 @@ from fleet.cli.options import reach_option, timeout_option, wait_option
 from fleet.cli.output import ExitCode, Output, with_output
 from fleet.cli.route import Waypoints, is_name, read_route, route_of
 from fleet.cli.send import ask_each
+from fleet.cli.together import at_option
 from fleet.errors import Refused
 from fleet.model.geodesy import GeoOrigin, geo_from_world
 from fleet.model.geometry import Vector3
@@ -68,6 +69,7 @@ class GotoTarget(msgspec.Struct, frozen=True):
 )
 @wait_option
 @timeout_option
+@at_option
 @reach_option
 @with_output
 def goto(
@@ -83,6 +85,7 @@ def goto(
     spacing: float | None,
     wait: bool,
     timeout: float,
+    at: float | None,
     file: str | None,
 ) -> ExitCode:
     """Send ROBOT to PLACE of fleet.yaml, to X Y Z, metres in its world frame, or through several places.
@@ -96,7 +99,7 @@ def goto(
     need one at each place.
 
     The robots of a group go to places around the one that is said, --spacing metres from each other, as many
-    as PLACE has room for.
+    as PLACE has room for. With --at all are prepared first and begin at one instant, or nobody moves.
     """
     if geo and site:
         raise click.UsageError("--geo and --site contradict each other")
@@ -116,7 +119,7 @@ def goto(
                 out.note(f"{state.name}: separation {state.separation}")
         return made
 
-    return ask_each(out, robot, "navigate", messages, wait=wait, timeout=timeout, file=file)
+    return ask_each(out, robot, "navigate", messages, wait=wait, timeout=timeout, file=file, at=at)
 
 
 def _aim(places: tuple[str, ...], path: Path | None, *, geo: bool, site: bool) -> GotoTarget:

@@ -23,6 +23,7 @@ from fleet.config.load import Loaded
 from fleet.config.places import places_of
 from fleet.health.aggregate import edge_health, robots_by_health
 from fleet.health.load import read_load
+from fleet.host.common_start import take_starts
 from fleet.host.edge.certificate_expiry import CertificateExpiry, files_of
 from fleet.host.edge.cloud_claims import CloudClaims
 from fleet.host.edge.cloud_presence import CloudPresence
@@ -127,7 +128,6 @@ class Edge:
             self.metrics, self._metrics_port = self._make_metrics()
             undo.pop_all()
         self._groups = {name: list(robots) for name, robots in config.members.items()}
-        self._places = places_of(config.places)
         self._stop_inputs = StopInputs(
             config.stop_inputs,
             self._groups,
@@ -268,7 +268,7 @@ class Edge:
             memory_percent=load.memory_percent,
             threads=load.threads,
             groups=self._groups,
-            places=self._places,
+            places=places_of(self._config.places),
         )
 
     def _dropped(self) -> int:
@@ -310,6 +310,7 @@ class Edge:
         """Show the edge on the bus, and begin what it says about itself."""
         edge = self._config.edge.id
         stop = serve_stops(self.process, self.bus, self._groups, self.remote.values())
+        take_starts(self.process)
         self.process.follow_supervisor(stop, ended)
         if self._presence is not None:
             self._presence.leave_words()

@@ -19,6 +19,7 @@ from fleet.bus.bus import Bus
 from fleet.bus.zenoh_session import Query
 from fleet.clock import Clock
 from fleet.history.store import History
+from fleet.host.answering import answer_to
 from fleet.host.journal.journal import Journal
 from fleet.host.logs.rotating_file import log_and_flush
 from fleet.host.process.setpoints import take_setpoints
@@ -338,11 +339,7 @@ class RobotProcess:
         waits = question.parameters.get("wait") == "1"
         kind = cast("Kind", question.parameters.get("kind", "command"))
 
-        def answer(reply: Reply) -> None:
-            question.reply(msgspec.json.encode(reply))
-            if not (waits and reply.ok and reply.done is None):
-                question.close()
-
+        answer = answer_to(question, waits=waits)
         if kind not in KINDS and stop_in(question.payload):
             kind = "command"
         if kind not in KINDS:

@@ -22,6 +22,7 @@ from fleet.bus.settings import runtime_dir
 from fleet.clock import SystemClock
 from fleet.config.load import load
 from fleet.errors import FleetError
+from fleet.host.common_start import take_starts
 from fleet.host.journal.stores import open_stores
 from fleet.host.logs.folders import log_folder
 from fleet.host.logs.setup import LogSettings, start_logging
@@ -70,6 +71,7 @@ async def run(task: WorkerTask, directory: Path, parent: int | None) -> None:
     end_by_signal(ended.set)
     stop_logs = publish_robot_logs(process)
     stop = serve_stops(process, bus, task.groups)
+    take_starts(process)
     process.follow_supervisor(stop, ended)
     bus.control.subscribe(keys.halt(edge, name), lambda _key, _payload: process.halt_robots())
     bus.control.subscribe(keys.holders(edge), lambda _key, payload: process.others_have(payload))

@@ -275,6 +275,10 @@ class Toy(fleet.Adapter[ToyConfig]):
         yield fleet.Progress(1)
         await asyncio.Event().wait()
 
+    @fleet.command("walk")
+    async def walk(self):
+        self.note("walk")
+
     @fleet.command("hang", moves=False)
     async def hang(self):
         self.note("hang")
