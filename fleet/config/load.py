@@ -22,6 +22,7 @@ from fleet.config.checks import (
     check_bus,
     check_followers,
     check_robots,
+    check_schedules,
     check_stop_inputs,
     check_workers,
     identity_of,
@@ -123,6 +124,7 @@ def _load(file: pathlib.Path, environ: Mapping[str, str], partial: bool, registr
     check_robots(data.get("robots"), identities, document)
     check_groups(data, document)
     check_stop_inputs(data, document)
+    check_schedules(data, document)
     if sections is not None:
         check_bus(sections.bus, document)
         check_workers(sections, document)

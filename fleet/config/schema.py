@@ -13,6 +13,7 @@ from fleet.config.groups import Group, members_of
 from fleet.config.notify import NotifyConfig
 from fleet.config.places import PlaceConfig
 from fleet.robot_config import AdapterConfig, Name
+from fleet.schedules.model import ScheduleConfig
 from fleet.wire.topic_rules import ChannelConfig, ChannelName, TopicsConfig
 from fleet.yaml_model import ExistingPath, Model, NewPath, wrong
 
@@ -308,6 +309,9 @@ class Sections(Model):
         {},
         description="Names for several robots at once: [names], or {robots: [names], accepts: ..., limits: "
         "...} with what holds for each of them unless it says otherwise itself.",
+    )
+    schedules: dict[Name, ScheduleConfig] = Field(
+        {}, description="When missions start by themselves (docs/groups.md)."
     )
     places: dict[Name, PlaceConfig] = Field(
         {}, description="Named points and areas: where robots are sent by name, and what missions occupy."
