@@ -96,7 +96,8 @@ def rules_of(role: Role, name: str, edge: str, access: Access) -> tuple[_Rule, .
     if role == "router":
         return (_Rule(_ALL, ("**",)),)
     if role == "console":
-        asked = ("fleet/*/robots/*/command", "fleet/*/robots/*/prepare", "fleet/*/starts", "fleet/*/history")
+        robots = ("fleet/*/robots/*/command", "fleet/*/robots/*/prepare")
+        asked = (*robots, "fleet/*/starts", "fleet/*/history", "fleet/*/schedules")
         return (_Rule(("query",), asked), _Rule(("liveliness_token",), ("fleet/*/starts/*",)))
     if role == "program":
         channels = (*PROGRAM_CHANNELS, *access.channels)

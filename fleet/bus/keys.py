@@ -19,6 +19,7 @@ key                                    what
 ``fleet/{edge}/places/{process}``      publication: where the robots of a process are, and where they go
 ``fleet/{edge}/holders``               publication: who has the edge's twins, as the cloud shows it
 ``fleet/{edge}/health``                the edge's state: publication, and ask for the last
+``fleet/{edge}/schedules``             ask for its schedules, switch one, or start what it starts
 ``fleet/{edge}/history``               ask who asked what of its robots, and what became of it
 ``fleet/{edge}/stop``                  emergency stop; publish or ask on ``fleet/*/stop``
 =====================================  ====================================================
@@ -124,6 +125,11 @@ def health(edge_id: str) -> str:
 def history(edge_id: str) -> str:
     """Return the key on which an edge tells what happened to its robots, and who asked for it."""
     return f"fleet/{edge_id}/history"
+
+
+def schedules(edge_id: str) -> str:
+    """Return the key on which an edge tells its schedules, and takes what is asked of them."""
+    return f"fleet/{edge_id}/schedules"
 
 
 def stop(edge_id: str) -> str:

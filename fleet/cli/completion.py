@@ -59,6 +59,12 @@ def _places(edges: Edges, _given: Mapping[str, Any]) -> set[str]:
     return {place for edge in edges.edges() for place in edge.places}
 
 
+def _schedules(edges: Edges, _given: Mapping[str, Any]) -> set[str]:
+    """Return the schedules."""
+    return {state.name for _, state in edges.schedules()}
+
+
+SCHEDULE = RunningName("schedule", _schedules)
 ROBOT = RunningName("robot", _robots)
 PLACE = RunningName("place", _places)
 COMMAND = RunningName("command", _commands)

@@ -22,6 +22,7 @@ from fleet.history.record import Record
 from fleet.model.command import Reply
 from fleet.model.description import RobotDescription
 from fleet.model.place import Place
+from fleet.model.schedule import ScheduleAnswer, ScheduleAsked, ScheduleState
 from fleet.model.state import EdgeState, RobotState
 from fleet.runtime.decoding import decode_json
 
@@ -29,6 +30,7 @@ log = logging.getLogger(__name__)
 
 ANSWER_WITHIN = 2.0  # s for what an edge knows without asking a robot
 HISTORY_WITHIN = 10.0  # s for what it has to read from its disk
+STARTED_WITHIN = 90.0  # s for what starts a mission
 START = "start one with: fleet run fleet.yaml (or: fleet demo)"
 
 T = TypeVar("T")
@@ -162,6 +164,23 @@ class Edges:
         key = keys.command(robot.edge, robot.name)
         answers = bus_session.ask(key, payload, timeout=timeout, parameters=parameters)
         return (reply for _, reply in decoded(answers, Reply))
+
+    def schedules(self) -> list[tuple[str, ScheduleState]]:
+        """Return the schedules of all edges, with their edge; raises Refused where one cannot tell them."""
+        asked = msgspec.json.encode(ScheduleAsked())
+        found = []
+        for _, key, answer in self._asked(keys.schedules("*"), ScheduleAnswer, asked, HISTORY_WITHIN):
+            if answer.refusal:
+                raise Refused(f"edge {key.split('/')[1]}: {answer.refusal}")
+            found += [(key.split("/")[1], state) for state in answer.schedules]
+        return sorted(found, key=lambda pair: (pair[0], pair[1].name))
+
+    def ask_schedules(self, edge: str, asked: ScheduleAsked) -> ScheduleAnswer:
+        """Ask something of an edge's schedules; raises TimedOut when it does not answer."""
+        payload = msgspec.json.encode(asked)
+        for _, _, answer in self._asked(keys.schedules(edge), ScheduleAnswer, payload, STARTED_WITHIN):
+            return answer
+        raise TimedOut(f"edge {edge} does not answer for its schedules")
 
     def history(self, wanted: EventFilter) -> list[Record]:
         """Return what the edges know of what happened to their robots, the oldest first."""

@@ -20,9 +20,10 @@ import msgspec
 from fleet.clock import Clock
 from fleet.errors import StateError
 from fleet.model.event import EventKind, EventReport, Severity
+from fleet.model.schedule import Firing, ScheduleState
 from fleet.schedules.model import ScheduleConfig, due_of
 from fleet.schedules.plan import MOST, look
-from fleet.schedules.store import SKIPPED, STARTED, Firing, Store
+from fleet.schedules.store import SKIPPED, STARTED, Store
 from fleet.schedules.triggers import firings
 
 log = logging.getLogger(__name__)
@@ -70,18 +71,6 @@ class Starter(Protocol):
         """Return the run that was started with a key, empty where there is none."""
 
 
-class ScheduleState(msgspec.Struct, frozen=True, omit_defaults=True):
-    """A schedule for people and programs: whether it is on, when it fires next, what became of the last."""
-
-    name: str
-    mission: str
-    trigger: str
-    enabled: bool
-    next: float | None = None
-    waiting: float | None = None
-    last: tuple[Firing, ...] = ()
-
-
 class Schedules:
     """The schedules of an edge. ``stopped`` tells whose emergency stop is set, and why; ``tell`` an event."""
 
@@ -106,8 +95,7 @@ class Schedules:
         self.problem = ""
 
     async def run(self) -> None:
-        """Look again and again what is due, until cancelled."""
-        await self.begin()
+        """Look again and again what is due, until cancelled; after ``begin``."""
         while True:
             await self.turn()
             await asyncio.sleep(EVERY)
@@ -158,11 +146,11 @@ class Schedules:
                     await self._record(name, [Firing(name, event.stamp)], self._clock.time(), why)
             await self.turn()
 
-    async def start_now(self, name: str) -> Firing:
+    async def start_now(self, name: str, *, by: str) -> Firing:
         """Fire a schedule by hand, whether it is enabled or not; return what became of it."""
         async with self._lock:
             firing = Firing(name, self._clock.time())
-            await self._record(name, [firing], firing.due, "by hand")
+            await self._record(name, [firing], firing.due, f"by {by}")
             waiting = self._waiting.get(name)
             if waiting is not None and waiting.due == firing.due:
                 await self._try(waiting)

@@ -14,6 +14,7 @@ from pathlib import Path
 import msgspec
 
 from fleet.errors import StateError
+from fleet.model.schedule import Firing
 from fleet.spool.database import open_checked
 
 FILE = "schedules.db"
@@ -26,25 +27,6 @@ CREATE TABLE firing (
 );
 """
 DUE, STARTED, SKIPPED = "due", "started", "skipped"
-
-
-class Firing(msgspec.Struct, frozen=True):
-    """One firing: ``due`` (Unix s), ``state`` (due, started, skipped), why it was skipped, or its run.
-
-    ``recorded``: when it was written (Unix s), before it was started.
-    """
-
-    schedule: str
-    due: float
-    state: str = DUE
-    reason: str = ""
-    run: str = ""
-    recorded: float = 0.0
-
-    @property
-    def key(self) -> str:
-        """Return what makes a start of it known: the same one is started once."""
-        return f"{self.schedule}@{self.due:.3f}"
 
 
 class Store:

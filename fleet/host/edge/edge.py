@@ -18,7 +18,6 @@ from fleet.bus import keys
 from fleet.bus.bus import open_edge
 from fleet.bus.zenoh_session import Query
 from fleet.clock import Clock
-from fleet.cloud.values import CloudState
 from fleet.config.load import Loaded
 from fleet.config.places import places_of
 from fleet.health.aggregate import edge_health, robots_by_health
@@ -48,11 +47,12 @@ from fleet.host.process.stop_service import serve_stops, stop_everywhere
 from fleet.host.requests.stop_cause import local_cause
 from fleet.host.robot.local_robot import LocalRobot
 from fleet.host.robot.robot_positions import positions_of
+from fleet.host.schedules import EdgeSchedules
 from fleet.host.workers.remote_robot import RemoteRobot
 from fleet.host.workers.worker_manager import WorkerManager, names_of
 from fleet.host.workers.worker_task import WorkerTask, specs_here, task_of
 from fleet.model.event import EventKind, EventReport, Severity
-from fleet.model.health import Health, Level
+from fleet.model.health import Health, degraded
 from fleet.model.state import EdgeState, RobotState
 from fleet.robot_config import AdapterConfig
 from fleet.spool.spool import Spool
@@ -140,7 +140,10 @@ class Edge:
         self._expiry = CertificateExpiry(files_of(config.bus.tls), clock)
         self._recall = HistoryService(self.process.history)
         self._notifier = Notifier(config.notify, config.edge.id, clock)
-        self.process.history.told = self._notifier.take
+        self.schedules = EdgeSchedules(
+            config, folder, states=self.states, record=self.process.history.add, clock=clock
+        )
+        self.process.history.told = self.schedules.before(self._notifier.take)
 
     def _remote(self, loaded: Loaded) -> dict[str, RemoteRobot]:
         """Build this side of the robots that run in workers."""
@@ -194,6 +197,7 @@ class Edge:
             workers += [
                 asyncio.create_task(worker.run(), name=f"worker:{worker.name}") for worker in self._workers
             ]
+            workers.append(asyncio.create_task(self.schedules.run(), name="schedules"))
             self.process.supervised.running()
             await ended.wait()
             self.process.supervised.ending()
@@ -235,13 +239,22 @@ class Edge:
     def state(self) -> EdgeState:
         """Return the edge's own state: its robots rolled up, its bus, its cloud, its host."""
         states = self.states()
-        cloud = self._cloud_health()
+        cloud = self.bridge.health if self.bridge else Health()
         kept = (self.process.journal.problem, self.process.history.problem)
         metrics = self._metrics_port.problem if self._metrics_port else ""
         claims, expiry = self.cloud_claims.problem, self._expiry.problem
         busy = self.process.starvation.problem
-        problems = (self.bus.problem, *kept, self._stop_inputs.problem, metrics, expiry, claims, busy)
-        health = edge_health(states, [cloud, *map(_degraded, problems)])
+        problems = (
+            self.bus.problem,
+            *kept,
+            self.schedules.problem,
+            self._stop_inputs.problem,
+            metrics,
+            expiry,
+            claims,
+            busy,
+        )
+        health = edge_health(states, [cloud, *map(degraded, problems)])
         load = read_load()
         bridge = self.bridge
         stats = bridge.client.stats if bridge else None
@@ -321,6 +334,7 @@ class Edge:
             self.bridge.streams.listen(self.bus.reports.subscribe)
         self.bus.control.answer(keys.health(edge), self._asked_health)
         self.bus.control.answer(keys.history(edge), self._recall.asked)
+        self.bus.control.answer(keys.schedules(edge), self.schedules.asked)
         self._notifier.hear(self.bus.reports, {robot.twin: robot.name for robot in self.remote.values()})
         health = self.bus.control.publisher(keys.health(edge))
 
@@ -358,16 +372,6 @@ class Edge:
 
         self._soon(tell)
 
-    def _cloud_health(self) -> Health:
-        """Return how the cloud's connection is."""
-        if self.bridge is None:
-            return Health()
-        client = self.bridge.client
-        if client.state is CloudState.CONNECTED:  # its cause is what the broker does not let us hear
-            return _degraded(client.cause or client.spool.problem)
-        level = Level.FAULT if client.state is CloudState.REFUSED else Level.DEGRADED
-        return Health(level, f"cloud {client.state.value}: {client.cause}")
-
     def _alive(self, name: str) -> bool:
         """Return True while a robot answers."""
         robot = self.process.robots.get(name) or self.remote.get(name)
@@ -395,8 +399,3 @@ class Edge:
     def _halt_worker(self, worker: str) -> None:
         """Halt the robots of a worker that hangs, before it is killed; nobody asked for a stop that stays."""
         self.bus.control.put(keys.halt(self._config.edge.id, worker), b"", urgent=True)
-
-
-def _degraded(problem: str) -> Health:
-    """Return the health of something that works with a problem, or without."""
-    return Health(Level.DEGRADED, problem) if problem else Health()

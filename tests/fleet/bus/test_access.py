@@ -69,6 +69,7 @@ ASK = {
     "fleet/yard/stop": {*ROLES, STRANGER},
     "fleet/yard/robots/rex/video": {"arms", "hub"},
     "fleet/yard/history": {"desk", "hub"},
+    "fleet/yard/schedules": {"desk", "hub"},
     "fleet/yard/robots/rex/description": set(ROLES),
     "fleet/yard/elsewhere": {"hub"},
 }
@@ -267,7 +268,7 @@ def test_every_key_of_the_fleet_is_given_to_somebody_or_kept():
     """Who adds a key decides here, in PUT, TOKEN, ASK or ANSWER, and in the rules, who may use it."""
     decided = {"edge", "robot", "claim", "claims", "command", "holders", "places", "state", "worker"}
     decided |= {"heartbeat", "halt", "health", "stop", "held", "video", "history", "description"}
-    decided |= {"prepare", "starts", "starting"}
+    decided |= {"prepare", "starts", "starting", "schedules"}
     assert {name for name, _ in inspect.getmembers(keys, inspect.isfunction)} == decided
 
 

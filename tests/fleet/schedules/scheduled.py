@@ -65,6 +65,7 @@ async def main(folder, began):
     schedules = Schedules(
         configs, Store(folder), Runs(folder / "runs"), clock=FastClock(began), tell=tell, stopped=dict
     )
+    await schedules.begin()
     await schedules.run()
 
 

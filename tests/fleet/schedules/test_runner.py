@@ -7,9 +7,10 @@ import pytest
 
 from fleet.errors import StateError
 from fleet.model.event import EventKind, EventReport
+from fleet.model.schedule import Firing
 from fleet.schedules.model import ScheduleConfig
 from fleet.schedules.runner import Begun, Schedules, next_of
-from fleet.schedules.store import DUE, SKIPPED, STARTED, Firing, Store
+from fleet.schedules.store import DUE, SKIPPED, STARTED, Store
 from fleet.schedules.triggers import Trigger, firings
 from fleet.testing.clock import ManualClock
 
@@ -278,7 +279,7 @@ async def test_an_event_fires_what_waits_for_it_once(yard):
 
 async def test_a_schedule_is_started_by_hand_though_it_is_off(yard):
     schedules = await yard.serve(dawn={"every": "1 h", "enabled": False})
-    firing = await schedules.start_now("dawn")
+    firing = await schedules.start_now("dawn", by="anna")
     assert (firing.state, firing.run) == (STARTED, "run-0")
 
 
