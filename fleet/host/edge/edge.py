@@ -22,13 +22,14 @@ from fleet.config.load import Loaded
 from fleet.config.places import places_of
 from fleet.health.aggregate import edge_health, robots_by_health
 from fleet.health.load import read_load
-from fleet.host.common_start import take_starts
 from fleet.host.edge.certificate_expiry import CertificateExpiry, files_of
 from fleet.host.edge.cloud_claims import CloudClaims
 from fleet.host.edge.cloud_presence import CloudPresence
 from fleet.host.edge.metrics_port import MetricsPort
 from fleet.host.edge.notifier import Notifier
+from fleet.host.edge.schedules import EdgeSchedules
 from fleet.host.journal.stores import history_bounds, open_stores
+from fleet.host.process.common_start import take_starts
 from fleet.host.process.component_settings import (
     bridge_rules,
     bus_access,
@@ -47,7 +48,6 @@ from fleet.host.process.stop_service import serve_stops, stop_everywhere
 from fleet.host.requests.stop_cause import local_cause
 from fleet.host.robot.local_robot import LocalRobot
 from fleet.host.robot.robot_positions import positions_of
-from fleet.host.schedules import EdgeSchedules
 from fleet.host.workers.remote_robot import RemoteRobot
 from fleet.host.workers.worker_manager import WorkerManager, names_of
 from fleet.host.workers.worker_task import WorkerTask, specs_here, task_of
@@ -140,10 +140,9 @@ class Edge:
         self._expiry = CertificateExpiry(files_of(config.bus.tls), clock)
         self._recall = HistoryService(self.process.history)
         self._notifier = Notifier(config.notify, config.edge.id, clock)
-        self.schedules = EdgeSchedules(
-            config, folder, states=self.states, record=self.process.history.add, clock=clock
-        )
-        self.process.history.told = self.schedules.before(self._notifier.take)
+        history = self.process.history
+        self.schedules = EdgeSchedules(config, folder, states=self.states, record=history.add, clock=clock)
+        history.told = self.schedules.before(self._notifier.take)
 
     def _remote(self, loaded: Loaded) -> dict[str, RemoteRobot]:
         """Build this side of the robots that run in workers."""

@@ -19,12 +19,12 @@ from fleet.bus.bus import Bus
 from fleet.bus.zenoh_session import Query
 from fleet.clock import Clock
 from fleet.history.store import History
-from fleet.host.answering import answer_to
 from fleet.host.journal.journal import Journal
 from fleet.host.logs.rotating_file import log_and_flush
 from fleet.host.process.setpoints import take_setpoints
 from fleet.host.process.twin_claims import TwinClaims
 from fleet.host.process.video_relay import relay_video
+from fleet.host.requests.answering import answer_to
 from fleet.host.requests.stop_cause import StopCause, local_cause
 from fleet.host.robot.local_robot import LocalRobot
 from fleet.host.robot.report_queue import ReportQueue

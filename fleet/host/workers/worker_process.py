@@ -22,10 +22,10 @@ from fleet.bus.settings import runtime_dir
 from fleet.clock import SystemClock
 from fleet.config.load import load
 from fleet.errors import FleetError
-from fleet.host.common_start import take_starts
 from fleet.host.journal.stores import open_stores
 from fleet.host.logs.folders import log_folder
 from fleet.host.logs.setup import LogSettings, start_logging
+from fleet.host.process.common_start import take_starts
 from fleet.host.process.driverlog import publish_robot_logs
 from fleet.host.process.history_service import HistoryService
 from fleet.host.process.robot_process import RobotProcess

@@ -21,8 +21,8 @@ import msgspec
 from fleet.bus import keys
 from fleet.bus.zenoh_session import Query
 from fleet.errors import WireError
-from fleet.host.answering import answer_to
 from fleet.host.process.robot_process import RobotProcess
+from fleet.host.requests.answering import answer_to
 from fleet.host.requests.decode import Ask
 from fleet.host.requests.receipt import Receipt
 from fleet.host.robot.dry_run import against
@@ -205,7 +205,7 @@ class CommonStarts:
         return against(one.robot.controller, one.ask, one.robot.spec_of(one.ask.name))
 
     def _begin(self, start: str) -> None:
-        """Begin: bring all that was prepared to the robots' desks, one after the other, at once."""
+        """Begin: bring all that was prepared to the robots' controllers, one after the other, at once."""
         of_it = [one for one in self._prepared.values() if one.start == start and one.stamp is not None]
         for one in of_it:
             self._forget(one)

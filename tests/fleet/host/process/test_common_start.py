@@ -11,7 +11,7 @@ import msgspec
 import pytest
 
 from fleet.bus import keys
-from fleet.host.common_start import LATE
+from fleet.host.process.common_start import LATE
 from fleet.model.command import Reply, ReplyStatus
 from fleet.model.start import StartAnswer, StartAsked
 

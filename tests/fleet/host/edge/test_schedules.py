@@ -7,7 +7,7 @@ import time
 import pytest
 
 from fleet.cli.main import main
-from fleet.host.schedules import NoMissions
+from fleet.host.edge.schedules import NoMissions
 from fleet.model.event import EventKind, EventReport
 from fleet.schedules.runner import Begun
 from fleet.testing.waiting import wait_until
@@ -111,7 +111,7 @@ async def test_an_edge_whose_schedules_cannot_be_kept_says_so_and_runs(
     def full(*_):
         raise StateError("the disk is full")
 
-    monkeypatch.setattr("fleet.host.schedules.Store", full)
+    monkeypatch.setattr("fleet.host.edge.schedules.Store", full)
     _, edge, _ = scheduled
     async with run_edge(edge):
         await asyncio.to_thread(wait_until, "it says so", lambda: edge.schedules.problem)
