@@ -13,7 +13,7 @@ import sys
 import threading
 import time
 
-from bench.common import fleet, free_port, line, quantiles, robot, vehicles, wait_for
+from bench.common import at_once, fleet, free_port, line, quantiles, robot, vehicles, wait_for
 
 DRONES = 20
 ROUNDS = 20
@@ -36,6 +36,7 @@ class Relay:
         threading.Thread(target=self._out, daemon=True).start()
 
     def _in(self):
+        at_once()
         while True:
             data, self.vehicle = self.outer.recvfrom(65536)
             try:
@@ -44,6 +45,7 @@ class Relay:
                 continue
 
     def _out(self):
+        at_once()
         while True:
             try:
                 data = self.inner.recv(65536)

@@ -11,7 +11,6 @@ import msgspec
 import pytest
 
 from fleet.bus import keys
-from fleet.host.process.common_start import LATE
 from fleet.model.command import Reply, ReplyStatus
 from fleet.model.start import StartAnswer, StartAsked
 
@@ -19,6 +18,7 @@ HERE = {"worker": "main", "stands": True}
 THERE = {"worker": "arm", "stands": True}
 GOTO = {"command": "goto", "position": [1.0, 2.0, 0.0]}
 ID = "start-1"
+LOADED = 1.0  # s by which a busy computer may be late; ``python -m bench together`` measures what it is
 
 
 class Asker:
@@ -96,11 +96,9 @@ async def test_all_begin_at_the_instant_in_whatever_process_they_are(serve, asks
         await asyncio.to_thread(asker.prepared, "rex", "max", "arm")
         stamp, told = await asyncio.to_thread(asker.tell, 1.0)
         assert told == {"rex": "", "max": "", "arm": ""}
-        await asyncio.sleep(0.5)
-        assert begun(place) == {}
         await asks.until(lambda: len(begun(place)) == 3)
         instant = time.monotonic() - (time.time() - stamp)
-        assert all(abs(at - instant) < LATE for at in begun(place).values())
+        assert all(-0.01 <= at - instant < LOADED for at in begun(place).values())
         assert [(await asyncio.to_thread(asker.ends, name))[0].ok for name in ("rex", "max", "arm")] == [
             True
         ] * 3
@@ -230,6 +228,37 @@ async def test_a_robot_is_prepared_for_one_start_at_a_time(serve):
         assert reply.reason == "it is prepared for another start"
 
 
+@pytest.mark.parametrize("other", [HERE, THERE])
+async def test_robots_that_would_meet_are_not_started_together_in_whatever_process_they_are(
+    serve, asks, other
+):
+    """Either of them alone could go there; each is prepared beside what the other is prepared for."""
+    robots = {"rex": HERE | {"start": [0, 0, 0]}, "arm": other | {"start": [20, 0, 0]}}
+    async with serve(**robots) as (place, edge, asker):
+        await asks.until(lambda: not any(state.separation for state in edge.states()))
+        here = {**GOTO, "position": [12.0, 0.0, 0.0]}
+        there = {**GOTO, "position": [-12.0, 0.0, 0.0]}
+        assert (await asyncio.to_thread(asker.prepare, "rex", here)).ok
+        reply = await asyncio.to_thread(asker.prepare, "arm", there)
+        if reply.ok:  # the other process has not heard of the first yet, but will by the instant
+            await asyncio.sleep(0.5)
+            _, told = await asyncio.to_thread(asker.tell, 1.0)
+            assert any("arm" in why or "rex" in why for why in told.values()), told
+        else:
+            assert "rex" in reply.reason, reply
+        await asyncio.to_thread(asker.vanish)
+        assert begun(place) == {}
+
+
+async def test_an_aircraft_that_is_not_ready_is_refused_in_its_own_words(serve):
+    async with serve(rex=HERE | {"fix": False}, max=HERE) as (place, _, asker):
+        takeoff = {"command": "takeoff", "data": {}}
+        reply = await asyncio.to_thread(asker.prepare, "rex", takeoff, "command")
+        assert (reply.status, reply.reason) == (ReplyStatus.REJECTED, "not ready: gps: no fix")
+        assert (await asyncio.to_thread(asker.prepare, "max", takeoff, "command")).ok
+        assert "takeoff" not in place.words()
+
+
 async def test_every_process_tells_its_time(serve):
     async with serve(rex=HERE, arm=THERE) as (place, _, asker):
         asked = msgspec.json.encode(StartAsked())
@@ -268,7 +297,7 @@ async def test_the_command_line_starts_a_group_at_one_instant(serve_group, asks)
             asked
         )
         await asks.until(lambda: len(walked(place)) == 3)
-        assert max(walked(place)) - min(walked(place)) < LATE
+        assert max(walked(place)) - min(walked(place)) < LOADED
         assert "3 of 3 ok" in asked[1]
 
 
