@@ -28,7 +28,7 @@ from fleet.host.requests.receipt import Receipt
 from fleet.host.robot.dry_run import against
 from fleet.host.robot.local_robot import LocalRobot
 from fleet.host.robot.motion_guard import BEGINNINGS
-from fleet.model.command import Command, Reply, ReplyStatus, Setpoint, Transport
+from fleet.model.command import Command, JointSetpoint, Reply, ReplyStatus, Setpoint, Transport
 from fleet.model.navigation import Control, Navigate
 from fleet.model.start import FARTHEST, StartAnswer, StartAsked
 from fleet.robot_config import MAIN
@@ -282,7 +282,7 @@ def _read(robot: LocalRobot, question: Query) -> Command | Navigate:
     ask: Ask | None = robot.ask_of(
         cast("Kind", kind), question.payload, way=way, request_id=question.parameters.get("id", "")
     )
-    if ask is None or isinstance(ask, Setpoint) or ask.name in STOP_WORDS:
+    if ask is None or isinstance(ask, Setpoint | JointSetpoint) or ask.name in STOP_WORDS:
         raise WireError("a velocity is not started together: it is obeyed at once")
     return ask
 
