@@ -14,6 +14,7 @@ NAMES = (
     "quadruped",
     "mavlink",
     "stops",
+    "together",
     "soak",
     "dog_picture",
 )

@@ -139,7 +139,7 @@ class Fleet:
 
 @contextlib.contextmanager
 def fleet(robots, broker, folder=None, **sections):
-    """A ``fleet run`` of these robots; ``folder`` keeps what it leaves, for another run.
+    """A ``fleet run`` of these robots; ``folder`` keeps what it leaves, for another run. No broker, no cloud.
 
     Its sockets, and what it has begun, are in memory, as they are by themselves.
     """
@@ -147,8 +147,8 @@ def fleet(robots, broker, folder=None, **sections):
         runtime = stack.enter_context(tempfile.TemporaryDirectory(prefix="fb", dir=MEMORY))
         folder = folder or stack.enter_context(tempfile.TemporaryDirectory(prefix="fb"))
         path = Path(folder) / "fleet.yaml"
-        cloud = {"host": "127.0.0.1", "port": broker, "tls": False}
-        file = {"edge": {"id": "bench"}, "cloud": cloud, "plugins": [str(PUPPETS)], "robots": robots}
+        cloud = {"cloud": {"host": "127.0.0.1", "port": broker, "tls": False}} if broker else {}
+        file = {"edge": {"id": "bench"}, **cloud, "plugins": [str(PUPPETS)], "robots": robots}
         file |= sections
         path.write_text(json.dumps(file))
         command = [sys.executable, "-m", "fleet", "run", str(path), "--json"]

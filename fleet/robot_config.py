@@ -287,6 +287,13 @@ class AdapterConfig(TopicsConfig):
         return None
 
     @property
+    def source_type(self) -> str:
+        """The source type of the robot's own state."""
+        if self.simulated:
+            return "sim"
+        return f"edge_{self.role}" if self.role else "edge"
+
+    @property
     def simulated(self) -> bool:
         """True when the robot is a simulation: its ``link`` begins with ``sim:``."""
         return str(getattr(self, "link", "")).startswith("sim:")

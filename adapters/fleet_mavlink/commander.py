@@ -58,9 +58,13 @@ class Superseded(Refused):
 
 
 class _Exchange:
-    """A command's turn, entered when it is the one under way: what came back for it."""
+    """A command's turn, entered when it is the one under way: what came back for it.
 
-    def __init__(self, commander: Commander, ask: Ask) -> None:
+    ``yields``: it is nobody's wish, and gives its turn to whoever else wants it.
+    """
+
+    def __init__(self, commander: Commander, ask: Ask, *, yields: bool = False) -> None:
+        self.yields = yields
         self.command = ask.command
         self.began = 0.0
         self.acks: deque[CommandAck] = deque()
@@ -73,6 +77,8 @@ class _Exchange:
     async def __aenter__(self) -> Self:
         """Wait for our turn, and listen for answers before the command is sent; raises Refused."""
         commander = self._commander
+        if not self.yields:
+            commander.end_yielding()
         commander.waiting.add(self)
         try:
             await commander.turn.acquire()
@@ -137,14 +143,22 @@ class Commander:
         for exchange in (*self.waiting, *((self.exchange,) if self.exchange else ())):
             exchange.supersede(reason)
 
-    async def ask(self, ask: Ask, *, seen: Condition | None = None, tries: int | None = None) -> None:
-        """Send a command until it is accepted.
+    def end_yielding(self) -> None:
+        """End what gives its turn to others: nobody's command waits for an answer to it."""
+        for exchange in (*self.waiting, *((self.exchange,) if self.exchange else ())):
+            if exchange.yields:
+                exchange.supersede("something else is asked")
+
+    async def ask(
+        self, ask: Ask, *, seen: Condition | None = None, tries: int | None = None, yields: bool = False
+    ) -> None:
+        """Send a command until it is accepted; one that ``yields`` is given up when another is asked.
 
         ``seen`` tells from the vehicle's state that it was obeyed although no answer came, so that what
         must not be done twice is not sent twice. Raises Refused, NotReady (rejected for the moment),
         Unsupported, TimedOut (no answer), LinkLost.
         """
-        async with _Exchange(self, ask) as exchange:
+        async with _Exchange(self, ask, yields=yields) as exchange:
             asked_until = exchange.began + self.timing.patience
             sent = 0
             while True:

@@ -122,7 +122,7 @@ class Streams:
         interval = 1e6 / rate
         ask = CommandLong(Cmd.SET_MESSAGE_INTERVAL, param1=float(message_id), param2=interval)
         try:
-            await self._commander.ask(ask, tries=1)
+            await self._commander.ask(ask, tries=1, yields=True)
         except CommandError as error:
             self._vehicle.log.info("it does not send message %s: %s", message_id, error)
             if error.device_result is not None:

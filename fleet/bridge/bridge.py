@@ -22,6 +22,7 @@ from fleet.clock import Clock
 from fleet.cloud.client import CloudClient, Way
 from fleet.cloud.credentials import client_id
 from fleet.cloud.values import CloudMessage, CloudSettings, CloudState, Will
+from fleet.model.health import Health, Level, degraded
 from fleet.model.state import EdgeState, RobotState
 from fleet.runtime.rate_limited_counter import RateLimitedCounter
 from fleet.spool.losses import Gap
@@ -121,6 +122,15 @@ class Bridge:
             clock=clock,
         )
         self._pings = any("pong:response" in book.inward for book in rules.twins.values())
+
+    @property
+    def health(self) -> Health:
+        """How the cloud's connection is."""
+        client = self.client
+        if client.state is CloudState.CONNECTED:  # its cause is what the broker does not let us hear
+            return degraded(client.cause or client.spool.problem)
+        level = Level.FAULT if client.state is CloudState.REFUSED else Level.DEGRADED
+        return Health(level, f"cloud {client.state.value}: {client.cause}")
 
     def start(self) -> None:
         """Begin to connect."""

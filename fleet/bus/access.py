@@ -96,7 +96,9 @@ def rules_of(role: Role, name: str, edge: str, access: Access) -> tuple[_Rule, .
     if role == "router":
         return (_Rule(_ALL, ("**",)),)
     if role == "console":
-        return (_Rule(("query",), ("fleet/*/robots/*/command", "fleet/*/history")),)
+        robots = ("fleet/*/robots/*/command", "fleet/*/robots/*/prepare")
+        asked = (*robots, "fleet/*/starts", "fleet/*/history", "fleet/*/schedules")
+        return (_Rule(("query",), asked), _Rule(("liveliness_token",), ("fleet/*/starts/*",)))
     if role == "program":
         channels = (*PROGRAM_CHANNELS, *access.channels)
         return (
@@ -123,6 +125,7 @@ def _worker_rules(name: str, edge: str) -> tuple[_Rule, ...]:
         _Rule(("query",), (f"{robots}/video",)),
         _Rule(_ANSWER, (f"{robots}/command", f"{robots}/state", f"fleet/{edge}/stop", _REPORTS)),
         _Rule(_ANSWER, (f"{robots}/description", f"fleet/{edge}/history")),
+        _Rule(_ANSWER, (f"{robots}/prepare", f"fleet/{edge}/starts")),
         _Rule((*_SAY, *_ANSWER), ("cw/*/data/commands/**",), "deny"),
     )
 

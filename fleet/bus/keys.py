@@ -11,12 +11,16 @@ key                                    what
 ``fleet/{edge}/workers/{worker}/reload``  ask: take a changed drop-in file into use, while its robots rest
 ``fleet/{edge}/workers/{worker}/halt``   publication: the worker is given up, its robots are halted
 ``fleet/{edge}/robots/{robot}/command``  ask; the answers are its receipt and its end
+``fleet/{edge}/robots/{robot}/prepare``  ask; the answers: it is prepared for a common start, receipt, end
+``fleet/{edge}/starts``                ask what the time is, or tell the instant of a common start
+``fleet/{edge}/starts/{start}``        liveliness: who asks for that start is there
 ``fleet/{edge}/robots/{robot}/video``  ask: start or stop video; a program that sends it answers
 ``fleet/{edge}/robots/{robot}/state``  a robot's state: publication, and ask for the last
 ``fleet/{edge}/held``                 publication: which robots of its workers stop inputs hold, and why
 ``fleet/{edge}/places/{process}``      publication: where the robots of a process are, and where they go
 ``fleet/{edge}/holders``               publication: who has the edge's twins, as the cloud shows it
 ``fleet/{edge}/health``                the edge's state: publication, and ask for the last
+``fleet/{edge}/schedules``             ask for its schedules, switch one, or start what it starts
 ``fleet/{edge}/history``               ask who asked what of its robots, and what became of it
 ``fleet/{edge}/stop``                  emergency stop; publish or ask on ``fleet/*/stop``
 =====================================  ====================================================
@@ -52,6 +56,21 @@ def claims() -> str:
 def command(edge_id: str, name: str) -> str:
     """Return the key on which a robot is asked; ``*`` addresses many."""
     return f"fleet/{edge_id}/robots/{name}/command"
+
+
+def prepare(edge_id: str, name: str) -> str:
+    """Return the key on which a robot is asked to prepare what it is to begin together with others."""
+    return f"fleet/{edge_id}/robots/{name}/prepare"
+
+
+def starts(edge_id: str) -> str:
+    """Return the key on which an edge's processes tell their time, and are told the instant of a start."""
+    return f"fleet/{edge_id}/starts"
+
+
+def starting(edge_id: str, start: str) -> str:
+    """Return the key of the token of who asks for a common start; ``*`` is every start."""
+    return f"fleet/{edge_id}/starts/{start}"
 
 
 def video(edge_id: str, name: str) -> str:
@@ -112,6 +131,11 @@ def health(edge_id: str) -> str:
 def history(edge_id: str) -> str:
     """Return the key on which an edge tells what happened to its robots, and who asked for it."""
     return f"fleet/{edge_id}/history"
+
+
+def schedules(edge_id: str) -> str:
+    """Return the key on which an edge tells its schedules, and takes what is asked of them."""
+    return f"fleet/{edge_id}/schedules"
 
 
 def stop(edge_id: str) -> str:

@@ -64,7 +64,7 @@ def _summary(loaded: Loaded) -> dict[str, Any]:
             {"name": robot.name, "twin": robot.twin, "adapter": plugin.name, "simulated": robot.simulated}
             for robot, plugin in loaded.robots
         ],
-        "groups": loaded.config.groups,
+        "groups": loaded.config.members,
         "cloud": f"{cloud.host}:{cloud.port}" if cloud else None,
     }
 
@@ -76,5 +76,5 @@ def _sentence(loaded: Loaded) -> str:
     cloud = loaded.config.cloud
     return (
         f"edge {loaded.config.edge.id}, {counted(len(loaded.robots), 'robot')} ({robots}), "
-        f"{counted(len(loaded.config.groups), 'group')}, {f'cloud {cloud.host}' if cloud else 'no cloud'}"
+        f"{counted(len(loaded.config.members), 'group')}, {f'cloud {cloud.host}' if cloud else 'no cloud'}"
     )

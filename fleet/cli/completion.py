@@ -54,7 +54,19 @@ def _commands(edges: Edges, given: Mapping[str, Any]) -> set[str]:
     return {one.name for one in edges.description(robot).commands}
 
 
+def _places(edges: Edges, _given: Mapping[str, Any]) -> set[str]:
+    """Return the places."""
+    return {place for edge in edges.edges() for place in edge.places}
+
+
+def _schedules(edges: Edges, _given: Mapping[str, Any]) -> set[str]:
+    """Return the schedules."""
+    return {state.name for _, state in edges.schedules()}
+
+
+SCHEDULE = RunningName("schedule", _schedules)
 ROBOT = RunningName("robot", _robots)
+PLACE = RunningName("place", _places)
 COMMAND = RunningName("command", _commands)
 
 

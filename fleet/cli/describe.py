@@ -9,11 +9,11 @@ from fleet.cli import command_text
 from fleet.cli.completion import COMMAND, ROBOT
 from fleet.cli.edges import Edges
 from fleet.cli.options import reach_option
-from fleet.cli.output import ExitCode, Output, with_output
-from fleet.cli.robot_queries import RobotQuery
+from fleet.cli.output import ExitCode, Output, together, with_output
 from fleet.config.text import nearest
-from fleet.errors import Refused
+from fleet.errors import Refused, TimedOut
 from fleet.model.description import CommandDescription, RobotDescription
+from fleet.model.state import RobotState
 
 
 @click.command()
@@ -25,10 +25,14 @@ def describe(out: Output, robot: str, command: str | None, *, file: str | None) 
     """Show what ROBOT takes, and whether it would take it now; all about one COMMAND with its name.
 
     The robot's own process answers, from what its adapter declares and what its safety rules say now. A
-    command is judged as one from this computer, without its data.
+    command is judged as one from this computer, without its data. Of a group each robot has one line: what it
+    takes now and what it refuses, or whether it takes COMMAND.
     """
     with Edges.reach(file) as edges:
-        found = edges.description(RobotQuery(edges, robot).robot)
+        robots = edges.named(robot)
+        if len(robots) > 1:
+            return _group(out, edges, robots, command)
+        found = edges.description(robots[0])
     if command is None:
         out.data(msgspec.to_builtins(found))
         _show_all(out, found)
@@ -40,6 +44,38 @@ def describe(out: Output, robot: str, command: str | None, *, file: str | None) 
     out.data(msgspec.to_builtins(named[command]))
     _show_one(out, robot, named[command])
     return ExitCode.OK
+
+
+def _group(out: Output, edges: Edges, robots: list[RobotState], command: str | None) -> ExitCode:
+    """Show the robots of a group, each in one line; one that does not answer is no reason to hide others."""
+    document: list[dict[str, object]] = []
+    codes: list[tuple[str, ExitCode]] = []
+    rows = []
+    for robot in robots:
+        try:
+            found = edges.description(robot)
+        except TimedOut as error:
+            rows.append((robot.name, f"unknown: {error.reason}"))
+            document.append({"robot": robot.name, "error": str(error)})
+            codes.append((robot.name, ExitCode.TIMEOUT))
+            continue
+        takes, words = _in_one_line(found, command)
+        rows.append((robot.name, words))
+        document.append(msgspec.to_builtins(found))
+        codes.append((robot.name, ExitCode.OK if takes else ExitCode.REJECTED))
+    out.data({"robots": document})
+    out.table(("robot", "takes now" if command is None else f"{command} now"), rows)
+    return together(out, codes)
+
+
+def _in_one_line(found: RobotDescription, command: str | None) -> tuple[bool, str]:
+    """Return whether a robot has a command (any, without one), and what it would take now, in words."""
+    named = {one.name: one for one in found.commands}
+    if command is not None:
+        return command in named, _now(named[command]) if command in named else "there is no such command"
+    now = ", ".join(sorted(name for name, one in named.items() if not one.refusal)) or "nothing"
+    refused = ", ".join(sorted(name for name, one in named.items() if one.refusal))
+    return True, f"{now}; not now: {refused}" if refused else now
 
 
 def _show_all(out: Output, found: RobotDescription) -> None:

@@ -21,6 +21,8 @@ from fleet.history.event_filter import EventFilter, newest
 from fleet.history.record import Record
 from fleet.model.command import Reply
 from fleet.model.description import RobotDescription
+from fleet.model.place import Place
+from fleet.model.schedule import ScheduleAnswer, ScheduleAsked, ScheduleState
 from fleet.model.state import EdgeState, RobotState
 from fleet.runtime.decoding import decode_json
 
@@ -28,6 +30,7 @@ log = logging.getLogger(__name__)
 
 ANSWER_WITHIN = 2.0  # s for what an edge knows without asking a robot
 HISTORY_WITHIN = 10.0  # s for what it has to read from its disk
+STARTED_WITHIN = 90.0  # s for what starts a mission
 START = "start one with: fleet run fleet.yaml (or: fleet demo)"
 
 T = TypeVar("T")
@@ -127,17 +130,34 @@ class Edges:
             raise UnknownRobot(f"there is no robot {name!r}", hint="; ".join(hints))
         return found
 
+    def place(self, name: str, robots: Iterable[RobotState]) -> Place:
+        """Return the place of this name, as the edges of these robots have it; raises Refused."""
+        wanted = {robot.edge for robot in robots}
+        places = {edge.edge: edge.places for edge in self.edges() if edge.edge in wanted}
+        found = [there[name] for there in places.values() if name in there]
+        if len(found) == len(wanted) and all(place == found[0] for place in found):
+            return found[0]
+        if found:
+            raise Refused(f"{name} is not the same place on {', '.join(sorted(wanted))}")
+        known = sorted({place for there in places.values() for place in there})
+        hint = nearest(name, known) or f"there are: {', '.join(known) or 'none; places: in fleet.yaml'}"
+        raise Refused(f"there is no place {name!r}", hint=hint)
+
     def description(self, robot: RobotState) -> RobotDescription:
         """Return what a robot takes; raises TimedOut when its process does not answer."""
         for _, _, found in self._asked(keys.description(robot.edge, robot.name), RobotDescription):
             return found
         raise TimedOut(f"{robot.name} does not say what it takes: {robot.cause or 'its process is silent'}")
 
+    def lane_of(self, robot: RobotState) -> ZenohSession | None:
+        """Return the lane by which a robot's state came, None for one that nobody speaks for."""
+        return self._ways.get((robot.edge, robot.name))
+
     def command(
         self, robot: RobotState, payload: bytes, *, kind: str, wait: bool, timeout: float
     ) -> Iterator[Reply]:
         """Ask a robot at once; what is returned yields the receipt and, when waited for, the end."""
-        bus_session = self._ways.get((robot.edge, robot.name))
+        bus_session = self.lane_of(robot)
         if bus_session is None:
             return iter(())
         parameters = {"kind": kind, "wait": "1" if wait else "0"}
@@ -150,6 +170,23 @@ class Edges:
         key = keys.reload(edge, worker)
         asked = [bus_session.ask(key, adapter.encode(), timeout=within) for bus_session in self._lanes]
         return next((reply for answers in asked for _, reply in decoded(answers, Reply)), None)
+
+    def schedules(self) -> list[tuple[str, ScheduleState]]:
+        """Return the schedules of all edges, with their edge; raises Refused where one cannot tell them."""
+        asked = msgspec.json.encode(ScheduleAsked())
+        found = []
+        for _, key, answer in self._asked(keys.schedules("*"), ScheduleAnswer, asked, HISTORY_WITHIN):
+            if answer.refusal:
+                raise Refused(f"edge {key.split('/')[1]}: {answer.refusal}")
+            found += [(key.split("/")[1], state) for state in answer.schedules]
+        return sorted(found, key=lambda pair: (pair[0], pair[1].name))
+
+    def ask_schedules(self, edge: str, asked: ScheduleAsked) -> ScheduleAnswer:
+        """Ask something of an edge's schedules; raises TimedOut when it does not answer."""
+        payload = msgspec.json.encode(asked)
+        for _, _, answer in self._asked(keys.schedules(edge), ScheduleAnswer, payload, STARTED_WITHIN):
+            return answer
+        raise TimedOut(f"edge {edge} does not answer for its schedules")
 
     def history(self, wanted: EventFilter) -> list[Record]:
         """Return what the edges know of what happened to their robots, the oldest first."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import math
 import uuid
 from collections.abc import Sequence
 from pathlib import Path
@@ -11,14 +12,17 @@ from typing import Any
 import click
 import msgspec
 
-from fleet.cli.completion import ROBOT
+from fleet.cli.completion import PLACE, ROBOT
+from fleet.cli.edges import Edges
 from fleet.cli.options import reach_option, timeout_option, wait_option
 from fleet.cli.output import ExitCode, Output, with_output
-from fleet.cli.route import Waypoints, read_route, route_of
+from fleet.cli.route import Waypoints, is_name, read_route, route_of
 from fleet.cli.send import ask_each
+from fleet.cli.together import at_option
 from fleet.errors import Refused
 from fleet.model.geodesy import GeoOrigin, geo_from_world
 from fleet.model.geometry import Vector3
+from fleet.model.place import Place
 from fleet.model.site import Placement
 from fleet.model.spread import arranged, spread
 from fleet.model.state import RobotState
@@ -29,7 +33,8 @@ ONE_FRAME = 0.05  # m, and rad, by which two worlds may differ and be one
 class GotoTarget(msgspec.Struct, frozen=True):
     """Where to go: metres in ``frame`` (world: each robot's own, site), or degrees (geo).
 
-    ``way`` are the places before the last, each of two or three numbers.
+    ``way`` are the places before the last, each of two or three numbers. ``named``: the place of fleet.yaml
+    that it is, None for a point that is only said.
     """
 
     x: float
@@ -40,11 +45,12 @@ class GotoTarget(msgspec.Struct, frozen=True):
     speed: float | None = None
     spacing: float | None = None
     way: tuple[tuple[float, ...], ...] = ()
+    named: Place | None = None
 
 
 @click.command(context_settings={"ignore_unknown_options": True})
 @click.argument("robot", type=ROBOT)
-@click.argument("places", nargs=-1, metavar="X Y [Z] | X,Y[,Z]...")
+@click.argument("places", nargs=-1, metavar="PLACE | X Y [Z] | X,Y[,Z]...", type=PLACE)
 @click.option(
     "--path",
     type=click.Path(exists=True, dir_okay=False, path_type=Path),
@@ -63,6 +69,7 @@ class GotoTarget(msgspec.Struct, frozen=True):
 )
 @wait_option
 @timeout_option
+@at_option
 @reach_option
 @with_output
 def goto(
@@ -78,11 +85,12 @@ def goto(
     spacing: float | None,
     wait: bool,
     timeout: float,
+    at: float | None,
     file: str | None,
 ) -> ExitCode:
-    """Send ROBOT to X Y Z, metres in its world frame, or through several places.
+    """Send ROBOT to PLACE of fleet.yaml, to X Y Z, metres in its world frame, or through several places.
 
-    For example:  fleet goto kestrel 10 0 5 --wait
+    For example:  fleet goto beast dock-1  or  fleet goto kestrel 10 0 5 --wait
 
     Several places:  fleet goto kestrel 10,0,5 10,10,5 0,0,5
 
@@ -90,27 +98,45 @@ def goto(
     is GeoJSON: one LineString, or Points in their order. Altitudes count from the take-off point; aircraft
     need one at each place.
 
-    The robots of a group go to places around the one that is said, --spacing metres from each other.
+    The robots of a group go to places around the one that is said, --spacing metres from each other, as many
+    as PLACE has room for. With --at all are prepared first and begin at one instant, or nobody moves.
     """
     if geo and site:
         raise click.UsageError("--geo and --site contradict each other")
     if bool(places) == (path is not None):
         raise click.UsageError("either places or --path is needed")
-    route = read_route(path) if path is not None else _said(places)
-    if route.geo and site:
-        raise click.UsageError("--site is metres, and the places of the file are on Earth")
-    frame = "geo" if geo or route.geo else "site" if site else "world"
-    *way, (x, y, *z) = route.places
-    aim = GotoTarget(x, y, z[0] if z else None, frame, yaw, speed, spacing, tuple(way))
+    name = places[0] if len(places) == 1 and is_name(places[0]) else ""
+    if name and (geo or site):
+        raise click.UsageError(f"{name} has a frame of its own: leave --geo and --site out")
+    said = None if name else _aim(places, path, geo=geo, site=site)
 
-    def messages(robots: list[RobotState]) -> list[dict[str, Any]]:
+    def messages(edges: Edges, robots: list[RobotState]) -> list[dict[str, Any]]:
+        aim = said or _of_place(edges.place(name, robots))
+        aim = msgspec.structs.replace(aim, yaw=aim.yaw if yaw is None else yaw, speed=speed, spacing=spacing)
         made = goals(aim, robots)
         for state in robots:
             if state.separation:
                 out.note(f"{state.name}: separation {state.separation}")
         return made
 
-    return ask_each(out, robot, "navigate", messages, wait=wait, timeout=timeout, file=file)
+    return ask_each(out, robot, "navigate", messages, wait=wait, timeout=timeout, file=file, at=at)
+
+
+def _aim(places: tuple[str, ...], path: Path | None, *, geo: bool, site: bool) -> GotoTarget:
+    """Return where the command line, or its file, says to go."""
+    route = read_route(path) if path is not None else _said(places)
+    if route.geo and site:
+        raise click.UsageError("--site is metres, and the places of the file are on Earth")
+    frame = "geo" if geo or route.geo else "site" if site else "world"
+    *way, (x, y, *z) = route.places
+    return GotoTarget(x, y, z[0] if z else None, frame, way=tuple(way))
+
+
+def _of_place(place: Place) -> GotoTarget:
+    """Return how to go to a place of fleet.yaml."""
+    x, y, *z = place.at
+    frame = "geo" if place.frame == "geodetic" else "site"
+    return GotoTarget(x, y, z[0] if z else None, frame, place.heading, named=place)
 
 
 def _said(places: tuple[str, ...]) -> Waypoints:
@@ -124,6 +150,8 @@ def _said(places: tuple[str, ...]) -> Waypoints:
 def goals(aim: GotoTarget, robots: list[RobotState]) -> list[dict[str, Any]]:
     """Return each robot's message; raises Refused for one point for several, and without a common frame."""
     _require_one_frame(aim, robots)
+    if aim.named is not None and (trouble := aim.named.trouble([Vector3()] * len(robots))):
+        raise Refused(trouble)
     if len(robots) == 1:
         return [_message(aim, robots[0], Vector3())]
     if aim.way:
@@ -137,6 +165,8 @@ def goals(aim: GotoTarget, robots: list[RobotState]) -> list[dict[str, Any]]:
     steps: Sequence[Vector3] = spread(len(robots), aim.spacing)
     if len(sites) == len(robots):
         steps = arranged(sites, _centre(aim, robots[0], sites), aim.spacing)
+    if aim.named is not None and (trouble := aim.named.trouble(steps)):
+        raise Refused(trouble, hint="a smaller --spacing, or fewer robots")
     return [_message(aim, robot, step) for robot, step in zip(robots, steps, strict=True)]
 
 
@@ -177,13 +207,17 @@ def _message(aim: GotoTarget, robot: RobotState, step: Vector3) -> dict[str, Any
     yaw = aim.yaw
     if yaw is not None and aim.frame == "site" and robot.placement is not None:
         yaw -= robot.placement.yaw
-    turned = {} if yaw is None else {"yaw": yaw}
+    turned: dict[str, Any] = {} if yaw is None else {"yaw": yaw}
+    if yaw is not None and aim.frame == "geo":
+        turned = {"orientation": {"heading": (90.0 - math.degrees(yaw)) % 360.0}}
     if aim.way:
         last = (aim.x, aim.y) if aim.z is None else (aim.x, aim.y, aim.z)
         *way, end = (_place(aim.frame, place, robot, step) for place in (*aim.way, last))
         message["waypoints"] = [*way, end | turned]
     else:
-        message |= _place(aim.frame, (aim.x, aim.y, aim.z or 0.0), robot, step) | turned
+        # A place of fleet.yaml without a height is no place for an aircraft, and not one on the ground.
+        height = () if aim.named is not None and aim.z is None else (aim.z or 0.0,)
+        message |= _place(aim.frame, (aim.x, aim.y, *height), robot, step) | turned
     if aim.speed is not None:
         message["constraints"] = {"max_speed_ms": aim.speed}
     return message

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import json
 import os
 import socket
+import time
 from collections.abc import Mapping
+from typing import Any
 
 
 def local_user(environ: Mapping[str, str] = os.environ) -> str:
@@ -14,3 +17,10 @@ def local_user(environ: Mapping[str, str] = os.environ) -> str:
     """
     user = environ.get("SUDO_USER") or environ.get("USER") or environ.get("LOGNAME") or f"uid-{os.getuid()}"
     return f"{user}@{socket.gethostname()}"
+
+
+def stamped(message: dict[str, Any]) -> bytes:
+    """Return a message that is sent now, by who runs this command."""
+    return json.dumps(
+        {**message, "session_id": local_user(), "timestamp": time.time()}, allow_nan=False
+    ).encode()

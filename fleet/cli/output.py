@@ -73,6 +73,30 @@ def counted(number: int, word: str) -> str:
     return f"{number} {word}{'' if number == 1 else 's'}"
 
 
+_WORSE = (ExitCode.TIMEOUT, ExitCode.REJECTED)
+"""What one robot's answer may be besides ok, the worst first: nobody knows what a silent one does."""
+_TOGETHER = {ExitCode.OK: "ok", ExitCode.REJECTED: "refused or failed", ExitCode.TIMEOUT: "not known"}
+
+
+def together(out: Output, answered: Sequence[tuple[str, ExitCode]]) -> ExitCode:
+    """Say in one line how several robots answered, by name; return what that means together.
+
+    All alike: that; some ok: 7; none ok: the worst. One robot alone needs no such line.
+    """
+    by_code: dict[ExitCode, list[str]] = {}
+    for name, code in answered:
+        by_code.setdefault(code, []).append(name)
+    if len(answered) > 1:
+        parts = [f"{len(by_code.get(ExitCode.OK, ()))} of {len(answered)} ok"]
+        parts += [f"{_TOGETHER[code]}: {', '.join(by_code[code])}" for code in _WORSE if code in by_code]
+        out.note("; ".join(parts))
+    if len(by_code) <= 1:
+        return next(iter(by_code), ExitCode.OK)
+    if ExitCode.OK in by_code:
+        return ExitCode.SOME_FAILED
+    return next(code for code in _WORSE if code in by_code)
+
+
 class Output:
     """Where one command writes. With ``as_json`` only ``data`` reaches stdout, and nothing else does."""
 

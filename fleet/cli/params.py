@@ -11,7 +11,7 @@ import msgspec
 from fleet.cli.completion import ROBOT
 from fleet.cli.edges import Edges
 from fleet.cli.options import reach_option
-from fleet.cli.output import ExitCode, Output, counted, with_output
+from fleet.cli.output import ExitCode, Output, counted, together, with_output
 from fleet.cli.parameters import read, same, shown, written
 from fleet.cli.robot_queries import QueryResult, RobotQuery, query_all
 from fleet.errors import FleetError, Refused
@@ -164,9 +164,8 @@ def _ended(out: Output, found: dict[str, AnswerT], failed: dict[str, str]) -> Ex
     """Say which robots of several failed; return what it means together."""
     for why in failed.values():
         out.note(why)
-    if not failed:
-        return ExitCode.OK
-    return ExitCode.SOME_FAILED if found else ExitCode.REJECTED
+    done = [(name, ExitCode.OK) for name in found]
+    return together(out, [*done, *((name, ExitCode.REJECTED) for name in failed)])
 
 
 def _checked(said: object, kind: type[AnswerT], robot: str) -> AnswerT:

@@ -10,7 +10,7 @@ import msgspec
 from fleet.cli.completion import ROBOT
 from fleet.cli.edges import Edges
 from fleet.cli.options import reach_option
-from fleet.cli.output import ExitCode, Output, with_output
+from fleet.cli.output import ExitCode, Output, together, with_output
 from fleet.cli.robot_queries import QueryResult, query_all
 from fleet.errors import FleetError, Refused
 from fleet.runtime.decoding import convert
@@ -60,7 +60,7 @@ def ready(out: Output, robot: str, *, file: str | None) -> ExitCode:
 
 def _group(out: Output, answers: list[QueryResult]) -> ExitCode:
     """Show the robots of a group, each in one line."""
-    rows, document, readiness = [], [], set()
+    rows, document, codes = [], [], []
     for each in answers:
         name, health = each.robot.name, each.robot.health
         said: dict[str, Any] = {"robot": name, "health": health}
@@ -72,14 +72,12 @@ def _group(out: Output, answers: list[QueryResult]) -> ExitCode:
         else:
             is_ready, words = answer.ready, _against(answer)
             said |= msgspec.to_builtins(answer)
-        readiness.add(is_ready)
+        codes.append((name, ExitCode.OK if is_ready else ExitCode.REJECTED))
         document.append(said)
         rows.append((name, health, "ready" if is_ready else "NOT READY", words or "-"))
     out.data({"robots": document})
     out.table(("robot", "health", "ready", "words"), rows)
-    if len(readiness) > 1:
-        return ExitCode.SOME_FAILED
-    return ExitCode.OK if True in readiness else ExitCode.REJECTED
+    return together(out, codes)
 
 
 def _against(answer: _Answer) -> str:

@@ -10,10 +10,11 @@ import click
 from fleet.cli.edges import Edges
 from fleet.cli.history import for_programs as event_for_programs
 from fleet.cli.history import who
+from fleet.cli.local_user import stamped
 from fleet.cli.options import reach_option
-from fleet.cli.output import ExitCode, Output, with_output
+from fleet.cli.output import ExitCode, Output, together, with_output
 from fleet.cli.ps import for_programs
-from fleet.cli.send import RECEIPT_WITHIN, code_of, last_reply, stamped
+from fleet.cli.send import RECEIPT_WITHIN, code_of, last_reply
 from fleet.cli.times import when
 from fleet.history.event_filter import MOST, EventFilter
 from fleet.history.record import Record
@@ -56,8 +57,8 @@ def release(out: Output, robots: tuple[str, ...], *, everything: bool, file: str
         for state, reply in zip(stopped, replies, strict=True)
     ]
     out.data({"released": released})
-    codes = {code_of(reply) for reply in replies} or {ExitCode.OK}
-    return codes.pop() if len(codes) == 1 else ExitCode.SOME_FAILED
+    answered = zip(stopped, replies, strict=True)
+    return together(out, [(state.name, code_of(reply)) for state, reply in answered])
 
 
 def _release(out: Output, edges: Edges, stopped: Iterable[RobotState]) -> list[Reply]:

@@ -8,7 +8,7 @@ from typing import Any
 import msgspec
 
 from fleet.cli.edges import Edges
-from fleet.cli.send import stamped
+from fleet.cli.local_user import stamped
 from fleet.errors import FleetError, Refused, TimedOut
 from fleet.model.command import Reply, ReplyStatus
 from fleet.model.state import RobotState

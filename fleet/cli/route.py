@@ -30,6 +30,11 @@ class Waypoints(msgspec.Struct, frozen=True):
     geo: bool = False
 
 
+def is_name(word: str) -> bool:
+    """Return whether a word of the command line is the name of a place, and no number."""
+    return word[:1].isalpha() and "," not in word
+
+
 def route_of(words: Sequence[str]) -> Waypoints:
     """Return the places of a command line: ``X Y [Z]``, or several ``X,Y[,Z]``; raises Refused."""
     if any("," in word for word in words):

@@ -4,18 +4,18 @@ from __future__ import annotations
 
 import contextlib
 import json
-import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from typing import Any
 
 import click
 
 from fleet.cli.completion import COMMAND, ROBOT
 from fleet.cli.edges import Edges
-from fleet.cli.local_user import local_user
+from fleet.cli.local_user import stamped
 from fleet.cli.options import reach_option, timeout_option, wait_option
-from fleet.cli.output import ExitCode, Output, with_output
+from fleet.cli.output import ExitCode, Output, together, with_output
 from fleet.cli.ps import for_programs
+from fleet.cli.together import Answers, CommonStart, at_option
 from fleet.model.command import Reply, ReplyStatus
 from fleet.model.state import RobotState
 
@@ -47,6 +47,7 @@ def _data(pairs: tuple[str, ...]) -> dict[str, Any]:
 @click.argument("data", nargs=-1, metavar="[KEY=VALUE]...")
 @wait_option
 @timeout_option
+@at_option
 @reach_option
 @with_output
 def send(
@@ -57,6 +58,7 @@ def send(
     *,
     wait: bool,
     timeout: float,
+    at: float | None,
     file: str | None,
 ) -> ExitCode:
     """Send a command to ROBOT, or to every robot of a group, and show the answer.
@@ -66,9 +68,12 @@ def send(
     fleet release ROBOT.
 
     For example:  fleet send kestrel takeoff altitude=5 --wait
+
+    With --at all robots are prepared first, and begin at one instant; where anything stands against one of
+    them, nobody moves. It is taken back when this command ends before, and by anything that stops them.
     """
     message = {"command": command, "data": _data(data)}
-    return ask(out, robot, "command", message, wait=wait, timeout=timeout, file=file)
+    return ask(out, robot, "command", message, wait=wait, timeout=timeout, file=file, at=at)
 
 
 def _alone(_out: Output, _edges: Edges, _robots: list[RobotState]) -> contextlib.AbstractContextManager[None]:
@@ -86,6 +91,7 @@ def ask(
     timeout: float,
     file: str | None,
     around: Callable[[Output, Edges, list[RobotState]], contextlib.AbstractContextManager[None]] = _alone,
+    at: float | None = None,
 ) -> ExitCode:
     """Ask a robot, or all of a group at once, the same; show every answer; return what they mean together.
 
@@ -96,11 +102,12 @@ def ask(
         out,
         name,
         kind,
-        lambda robots: [message] * len(robots),
+        lambda _, robots: [message] * len(robots),
         wait=wait,
         timeout=timeout,
         file=file,
         around=around,
+        at=at,
     )
 
 
@@ -108,24 +115,37 @@ def ask_each(
     out: Output,
     name: str,
     kind: str,
-    messages: Callable[[list[RobotState]], list[dict[str, Any]]],
+    messages: Callable[[Edges, list[RobotState]], list[dict[str, Any]]],
     *,
     wait: bool,
     timeout: float,
     file: str | None,
     around: Callable[[Output, Edges, list[RobotState]], contextlib.AbstractContextManager[None]] = _alone,
+    at: float | None = None,
 ) -> ExitCode:
-    """Ask a robot, or all of a group at once, each its own of ``messages``, which may raise Refused."""
+    """Ask a robot, or all of a group at once, each its own of ``messages``, which may raise Refused.
+
+    ``at``: all begin at that instant (Unix s), or none.
+    """
     within = timeout if wait else min(timeout, RECEIPT_WITHIN)
-    with Edges.reach(file) as edges:
+    with contextlib.ExitStack() as stack:
+        edges = stack.enter_context(Edges.reach(file))
         robots = edges.named(name)
-        asked = [
-            (robot, command, edges.command(robot, stamped(message), kind=kind, wait=wait, timeout=within))
-            for robot, command, message in [
-                (robot, message["command"], message)
-                for robot, message in zip(robots, _finite(messages(robots)), strict=True)
+        made = _finite(messages(edges, robots))
+        asked: Iterable[Answers]
+        if at is None:
+            asked = [
+                (
+                    robot,
+                    one["command"],
+                    edges.command(robot, stamped(one), kind=kind, wait=wait, timeout=within),
+                )
+                for robot, one in zip(robots, made, strict=True)
             ]
-        ]
+        else:
+            questions = [(robot, one["command"], one) for robot, one in zip(robots, made, strict=True)]
+            start = stack.enter_context(CommonStart(edges, questions, kind=kind, at=at))
+            asked = _begun(out, start, wait=wait, within=within)
         with around(out, edges, robots) if wait else contextlib.nullcontext():
             last = [
                 (robot, last_reply(out, robot, replies, command, within)) for robot, command, replies in asked
@@ -133,8 +153,17 @@ def ask_each(
     if wait:
         last = [(robot, _ended(out, robot, reply, within)) for robot, reply in last]
     out.data({"answers": [{"robot": robot.name, **for_programs(reply)} for robot, reply in last]})
-    codes = {code_of(reply) for _, reply in last}
-    return codes.pop() if len(codes) == 1 else ExitCode.SOME_FAILED
+    return together(out, [(robot.name, code_of(reply)) for robot, reply in last])
+
+
+def _begun(out: Output, start: CommonStart, *, wait: bool, within: float) -> list[Answers]:
+    """Start robots at one instant, or none; return whose answers are to come."""
+    start.check_clocks()
+    answers, problems = start.run(wait=wait, within=within)
+    if problems:
+        first, why = next(iter(problems.items()))
+        out.note(f"nobody is started: {first}: {why}")
+    return answers
 
 
 def _finite(messages: list[dict[str, Any]]) -> list[dict[str, Any]]:
@@ -144,13 +173,6 @@ def _finite(messages: list[dict[str, Any]]) -> list[dict[str, Any]]:
     except ValueError:
         raise click.UsageError("a number in the command is not finite") from None
     return messages
-
-
-def stamped(message: dict[str, Any]) -> bytes:
-    """Return a message that is sent now."""
-    return json.dumps(
-        {**message, "session_id": local_user(), "timestamp": time.time()}, allow_nan=False
-    ).encode()
 
 
 def last_reply(

@@ -296,6 +296,8 @@ def _told(out: Output, effort: StopEffort, edges: Edges, result: StopResult) -> 
     for edge, halted in kept.items():
         halted_now = ", ".join(halted) or "nobody"
         out.say(f"edge {edge} is away: its stop is set when it is back; halted now: {halted_now}")
+    if len(result.hit) > 1:
+        out.note(f"{len(stopped)} of {len(result.hit)} seen to stop")
     out.note(f"reached: {', '.join(f'edge {edge}' for edge in reached) or 'no edge'}")
     if result.hit:
         out.note("released with: fleet release ROBOT")

@@ -158,22 +158,26 @@ def check_stop_inputs(data: Mapping[str, Any], document: Document) -> None:
                 document.report(mark, f"there is no robot or group {name!r}", nearest(name, names))
 
 
-def check_groups(data: Mapping[str, Any], document: Document) -> None:
-    """Report groups that name no robot, name one twice, or are called like one."""
-    groups = data.get("groups")
-    listed = data.get("robots")
-    if not isinstance(groups, dict) or not isinstance(listed, list):
+def check_schedules(data: Mapping[str, Any], document: Document) -> None:
+    """Report schedules of missions and robots that there are not."""
+    schedules, missions, listed = (data.get(key) for key in ("schedules", "missions", "robots"))
+    if not isinstance(schedules, dict) or not isinstance(listed, list):
         return
-    names = {str(robot["name"]) for robot in listed if isinstance(robot, dict) and "name" in robot}
-    for group, members in groups.items():
-        if group in names:
-            document.report(document.keys["groups", group], "a robot has this name too", "rename the group")
-        for index, member in enumerate(members if isinstance(members, list) else ()):
-            place = document.marks["groups", group, index]
-            if isinstance(member, str) and member not in names:
-                document.report(place, f"there is no robot {member!r}", nearest(member, names))
-            elif member in members[:index]:
-                document.report(place, f"{member!r} is in the group already")
+    known = set(missions) if isinstance(missions, dict) else set()
+    robots = {str(robot["name"]) for robot in listed if isinstance(robot, dict) and "name" in robot}
+    for name, one in schedules.items():
+        if not isinstance(one, dict):
+            continue
+        mission = one.get("mission")
+        if isinstance(mission, str) and mission not in known:
+            mark = document.marks["schedules", name, "mission"]
+            document.report(mark, f"there is no mission {mission!r}", nearest(mission, known))
+        trigger = one.get("on_event")
+        named = trigger.get("robots") if isinstance(trigger, dict) else None
+        for at, robot in enumerate(named if isinstance(named, list) else ()):
+            if isinstance(robot, str) and robot not in robots:
+                mark = document.marks["schedules", name, "on_event", "robots", at]
+                document.report(mark, f"there is no robot {robot!r}", nearest(robot, robots))
 
 
 def check_bus(bus: BusConfig, document: Document) -> None:

@@ -21,8 +21,8 @@ from fleet.config.checks import (
     Identity,
     check_bus,
     check_followers,
-    check_groups,
     check_robots,
+    check_schedules,
     check_stop_inputs,
     check_workers,
     identity_of,
@@ -33,6 +33,8 @@ from fleet.config.checks import (
 from fleet.config.drop_in import DropInConfig, asked
 from fleet.config.environment import cloud_from_environment
 from fleet.config.explain import validated, validated_with
+from fleet.config.groups import check_groups, contradiction, said_by_groups
+from fleet.config.places import check_places
 from fleet.config.problems import InvalidConfig, Path, Problem
 from fleet.config.schema import FleetConfig, Sections
 from fleet.config.text import nearest
@@ -122,11 +124,14 @@ def _load(file: pathlib.Path, environ: Mapping[str, str], partial: bool, registr
     check_robots(data.get("robots"), identities, document)
     check_groups(data, document)
     check_stop_inputs(data, document)
+    check_schedules(data, document)
     if sections is not None:
         check_bus(sections.bus, document)
         check_workers(sections, document)
     configs = {index: robot.config for index, robot in robots.items()}
     check_followers(configs, document)
+    if sections is not None:
+        check_places(sections.places, configs.values(), sections.site.origin, document)
     warn_of_batteries(configs, document)
     warn_of_drop_ins({index: made.config for index, made in robots.items() if made.plugin.file}, document)
     at_home = [index for index, robot in robots.items() if getattr(robot.plugin.adapter, "tells_home", False)]
@@ -292,12 +297,39 @@ def _report_no_adapter(robot: Mapping[str, Any], at: Path, document: Document, h
 
 
 def _with_defaults(robot: Any, at: Path, document: Document) -> Any:
-    """Return a robot with the defaults under it, places included."""
+    """Return a robot with what its groups say under it, and the defaults under that, places included."""
     defaults = document.data.get("defaults")
-    if not isinstance(defaults, dict) or not isinstance(robot, dict):
+    if not isinstance(robot, dict):
+        return robot
+    robot = _with_groups(robot, at, document)
+    if not isinstance(defaults, dict):
         return robot
     under = {key: value for key, value in defaults.items() if key not in _OWN_TO_ROBOT}
     return _merged(under, robot, ("defaults",), at, document)
+
+
+def _with_groups(robot: dict[str, Any], at: Path, document: Document) -> Any:
+    """Return a robot with what its groups say under it; reports where two of them contradict each other."""
+    name = str(robot.get("name", ""))
+    said = [
+        (place, {key: _unsaid(value, robot.get(key)) for key, value in under.items()})
+        for place, under in said_by_groups(name, document)
+    ]
+    for number, (place, under) in enumerate(said):
+        if any(contradiction(under, earlier) for _, earlier in said[:number]):
+            message = f"another group of {name} says something else of it"
+            document.report(document.marks[place], message, "say it at the robot itself")
+    merged: Any = robot
+    for place, under in said:
+        merged = _merged(under, merged, place, at, document)
+    return merged
+
+
+def _unsaid(value: Any, own: Any) -> Any:
+    """Return what a group says that the robot does not say itself."""
+    if not isinstance(value, dict) or not isinstance(own, dict):
+        return value
+    return {key: each for key, each in value.items() if key not in own}
 
 
 def _merged(under: Any, over: Any, under_at: Path, over_at: Path, document: Document) -> Any:
@@ -329,6 +361,4 @@ def _groups_of(
 ) -> dict[str, tuple[str, ...]]:
     """Return the groups with only the robots that run."""
     names = {config.name for config, _ in robots}
-    return {
-        group: tuple(name for name in members if name in names) for group, members in sections.groups.items()
-    }
+    return {group: tuple(name for name in them if name in names) for group, them in sections.members.items()}

@@ -9,8 +9,11 @@ from uuid import UUID
 from pydantic import AfterValidator, Field, SecretStr, model_validator
 
 from fleet.config.endpoints import COMMON_NAME, Insecure, Role, check_locator, is_encrypted, is_local
+from fleet.config.groups import Group, members_of
 from fleet.config.notify import NotifyConfig
+from fleet.config.places import PlaceConfig
 from fleet.robot_config import AdapterConfig, Name
+from fleet.schedules.model import ScheduleConfig
 from fleet.wire.topic_rules import ChannelConfig, ChannelName, TopicsConfig
 from fleet.yaml_model import ExistingPath, Model, NewPath, wrong
 
@@ -302,13 +305,28 @@ class Sections(Model):
     defaults: dict[str, Any] = Field(
         {}, description="Merged under every robot; what a robot says itself wins."
     )
-    groups: dict[Name, tuple[Name, ...]] = Field({}, description="Names for several robots at once.")
+    groups: dict[Name, Group] = Field(
+        {},
+        description="Names for several robots at once: [names], or {robots: [names], accepts: ..., limits: "
+        "...} with what holds for each of them unless it says otherwise itself.",
+    )
+    schedules: dict[Name, ScheduleConfig] = Field(
+        {}, description="When missions start by themselves (docs/groups.md)."
+    )
+    places: dict[Name, PlaceConfig] = Field(
+        {}, description="Named points and areas: where robots are sent by name, and what missions occupy."
+    )
     stop_inputs: tuple[StopInputConfig, ...] = Field(
         (), description="Devices whose heartbeat lets robots move; docs/stops.md says what they are not."
     )
     notify: tuple[NotifyConfig, ...] = Field(
         (), description="Webhooks and programs that are told of faults and stops, also without a cloud."
     )
+
+    @property
+    def members(self) -> dict[str, tuple[str, ...]]:
+        """Return the robots of each group."""
+        return {name: members_of(group) for name, group in self.groups.items()}
 
 
 class FleetConfig(Sections):

@@ -38,6 +38,7 @@ class EventKind(enum.StrEnum):
     FENCE = "fence_breached"  # it is outside its fence
     BATTERY = "battery"  # its battery made us do something
     SEPARATION = "separation"  # another robot is too near
+    SCHEDULE = "schedule"  # a schedule fired, was skipped, or was switched
 
 
 class Requester(msgspec.Struct, frozen=True, omit_defaults=True):

@@ -29,6 +29,11 @@ class Health(msgspec.Struct, frozen=True):
     cause: str = ""
 
 
+def degraded(problem: str) -> Health:
+    """Return the health of something that works with a problem, or without."""
+    return Health(Level.DEGRADED, problem) if problem else Health()
+
+
 def worst(healths: Iterable[Health]) -> Health:
     """Return the worst of them, the first where several are equally bad; ok when there are none."""
     return max(healths, key=lambda health: health.level, default=Health())

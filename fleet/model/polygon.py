@@ -58,6 +58,18 @@ def is_simple(polygon: Polygon) -> bool:
     return True
 
 
+def centroid(polygon: Polygon) -> Point:
+    """Return the middle of the area, which may lie outside of a polygon that is not convex."""
+    ox, oy = polygon[0]  # from a corner: far from nought the products would lose the difference
+    x = y = doubled = 0.0
+    for (ax, ay), (bx, by) in edges(tuple((cx - ox, cy - oy) for cx, cy in polygon)):
+        cross = ax * by - bx * ay
+        doubled += cross
+        x += (ax + bx) * cross
+        y += (ay + by) * cross
+    return ox + x / (3 * doubled), oy + y / (3 * doubled)
+
+
 def _area(polygon: Polygon) -> float:
     """Return the signed area, square metres."""
     return sum(ax * by - bx * ay for (ax, ay), (bx, by) in edges(polygon)) / 2

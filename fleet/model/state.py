@@ -5,6 +5,7 @@ from __future__ import annotations
 import msgspec
 
 from fleet.model.geometry import Vector3
+from fleet.model.place import Place
 from fleet.model.site import Placement
 
 
@@ -66,7 +67,7 @@ class EdgeState(msgspec.Struct, frozen=True, omit_defaults=True):
     ``spooled`` ones that are kept until the cloud has them, ``unheard`` of these because nobody there
     subscribes to their topics, and light ones (``queued_bytes``); ``refused`` were refused in either
     direction, ``dropped`` lost.
-    ``round_trip`` is seconds to the cloud and back.
+    ``round_trip`` is seconds to the cloud and back. ``groups`` and ``places`` are those of its fleet.yaml.
     """
 
     edge: str
@@ -91,3 +92,4 @@ class EdgeState(msgspec.Struct, frozen=True, omit_defaults=True):
     memory_percent: float | None = None
     threads: int | None = None
     groups: dict[str, list[str]] = {}
+    places: dict[str, Place] = {}

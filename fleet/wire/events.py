@@ -24,6 +24,7 @@ TOLD_TO_THE_CLOUD = frozenset(EventKind) - {
     EventKind.OUTCOME,
     EventKind.STOP,
     EventKind.RELEASE,
+    EventKind.SCHEDULE,
 }
 """What happened to a robot. What was asked of it, and how that ended, its asker is told by a status."""
 

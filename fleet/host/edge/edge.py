@@ -18,8 +18,8 @@ from fleet.bus import keys
 from fleet.bus.bus import open_edge
 from fleet.bus.zenoh_session import Query
 from fleet.clock import Clock
-from fleet.cloud.values import CloudState
 from fleet.config.load import Loaded
+from fleet.config.places import places_of
 from fleet.health.aggregate import edge_health, robots_by_health
 from fleet.health.load import read_load
 from fleet.host.edge.certificate_expiry import CertificateExpiry, files_of
@@ -27,7 +27,9 @@ from fleet.host.edge.cloud_claims import CloudClaims
 from fleet.host.edge.cloud_presence import CloudPresence
 from fleet.host.edge.metrics_port import MetricsPort
 from fleet.host.edge.notifier import Notifier
+from fleet.host.edge.schedules import EdgeSchedules
 from fleet.host.journal.stores import history_bounds, open_stores
+from fleet.host.process.common_start import take_starts
 from fleet.host.process.component_settings import (
     bridge_rules,
     bus_access,
@@ -50,7 +52,7 @@ from fleet.host.workers.remote_robot import RemoteRobot
 from fleet.host.workers.worker_manager import WorkerManager, names_of
 from fleet.host.workers.worker_task import WorkerTask, specs_here, task_of
 from fleet.model.event import EventKind, EventReport, Severity
-from fleet.model.health import Health, Level
+from fleet.model.health import Health, degraded
 from fleet.model.state import EdgeState, RobotState
 from fleet.robot_config import AdapterConfig
 from fleet.spool.spool import Spool
@@ -125,7 +127,7 @@ class Edge:
                 self.process.on_holder = self._presence.hold
             self.metrics, self._metrics_port = self._make_metrics()
             undo.pop_all()
-        self._groups = {name: list(robots) for name, robots in config.groups.items()}
+        self._groups = {name: list(robots) for name, robots in config.members.items()}
         self._stop_inputs = StopInputs(
             config.stop_inputs,
             self._groups,
@@ -138,7 +140,9 @@ class Edge:
         self._expiry = CertificateExpiry(files_of(config.bus.tls), clock)
         self._recall = HistoryService(self.process.history)
         self._notifier = Notifier(config.notify, config.edge.id, clock)
-        self.process.history.told = self._notifier.take
+        history = self.process.history
+        self.schedules = EdgeSchedules(config, folder, states=self.states, record=history.add, clock=clock)
+        history.told = self.schedules.before(self._notifier.take)
 
     def _remote(self, loaded: Loaded) -> dict[str, RemoteRobot]:
         """Build this side of the robots that run in workers."""
@@ -192,6 +196,7 @@ class Edge:
             workers += [
                 asyncio.create_task(worker.run(), name=f"worker:{worker.name}") for worker in self._workers
             ]
+            workers.append(asyncio.create_task(self.schedules.run(), name="schedules"))
             self.process.supervised.running()
             await ended.wait()
             self.process.supervised.ending()
@@ -233,13 +238,22 @@ class Edge:
     def state(self) -> EdgeState:
         """Return the edge's own state: its robots rolled up, its bus, its cloud, its host."""
         states = self.states()
-        cloud = self._cloud_health()
+        cloud = self.bridge.health if self.bridge else Health()
         kept = (self.process.journal.problem, self.process.history.problem)
         metrics = self._metrics_port.problem if self._metrics_port else ""
         claims, expiry = self.cloud_claims.problem, self._expiry.problem
         busy = self.process.starvation.problem
-        problems = (self.bus.problem, *kept, self._stop_inputs.problem, metrics, expiry, claims, busy)
-        health = edge_health(states, [cloud, *map(_degraded, problems)])
+        problems = (
+            self.bus.problem,
+            *kept,
+            self.schedules.problem,
+            self._stop_inputs.problem,
+            metrics,
+            expiry,
+            claims,
+            busy,
+        )
+        health = edge_health(states, [cloud, *map(degraded, problems)])
         load = read_load()
         bridge = self.bridge
         stats = bridge.client.stats if bridge else None
@@ -266,6 +280,7 @@ class Edge:
             memory_percent=load.memory_percent,
             threads=load.threads,
             groups=self._groups,
+            places=places_of(self._config.places),
         )
 
     def _dropped(self) -> int:
@@ -307,6 +322,7 @@ class Edge:
         """Show the edge on the bus, and begin what it says about itself."""
         edge = self._config.edge.id
         stop = serve_stops(self.process, self.bus, self._groups, self.remote.values())
+        take_starts(self.process)
         self.process.follow_supervisor(stop, ended)
         if self._presence is not None:
             self._presence.leave_words()
@@ -317,6 +333,7 @@ class Edge:
             self.bridge.streams.listen(self.bus.reports.subscribe)
         self.bus.control.answer(keys.health(edge), self._asked_health)
         self.bus.control.answer(keys.history(edge), self._recall.asked)
+        self.bus.control.answer(keys.schedules(edge), self.schedules.asked)
         self._notifier.hear(self.bus.reports, {robot.twin: robot.name for robot in self.remote.values()})
         health = self.bus.control.publisher(keys.health(edge))
 
@@ -354,16 +371,6 @@ class Edge:
 
         self._soon(tell)
 
-    def _cloud_health(self) -> Health:
-        """Return how the cloud's connection is."""
-        if self.bridge is None:
-            return Health()
-        client = self.bridge.client
-        if client.state is CloudState.CONNECTED:  # its cause is what the broker does not let us hear
-            return _degraded(client.cause or client.spool.problem)
-        level = Level.FAULT if client.state is CloudState.REFUSED else Level.DEGRADED
-        return Health(level, f"cloud {client.state.value}: {client.cause}")
-
     def _alive(self, name: str) -> bool:
         """Return True while a robot answers."""
         robot = self.process.robots.get(name) or self.remote.get(name)
@@ -391,8 +398,3 @@ class Edge:
     def _halt_worker(self, worker: str) -> None:
         """Halt the robots of a worker that hangs, before it is killed; nobody asked for a stop that stays."""
         self.bus.control.put(keys.halt(self._config.edge.id, worker), b"", urgent=True)
-
-
-def _degraded(problem: str) -> Health:
-    """Return the health of something that works with a problem, or without."""
-    return Health(Level.DEGRADED, problem) if problem else Health()

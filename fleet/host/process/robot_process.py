@@ -24,6 +24,7 @@ from fleet.host.logs.rotating_file import log_and_flush
 from fleet.host.process.setpoints import take_setpoints
 from fleet.host.process.twin_claims import TwinClaims
 from fleet.host.process.video_relay import relay_video
+from fleet.host.requests.answering import answer_to
 from fleet.host.requests.stop_cause import StopCause, local_cause
 from fleet.host.robot.local_robot import LocalRobot
 from fleet.host.robot.report_queue import ReportQueue
@@ -338,11 +339,7 @@ class RobotProcess:
         waits = question.parameters.get("wait") == "1"
         kind = cast("Kind", question.parameters.get("kind", "command"))
 
-        def answer(reply: Reply) -> None:
-            question.reply(msgspec.json.encode(reply))
-            if not (waits and reply.ok and reply.done is None):
-                question.close()
-
+        answer = answer_to(question, waits=waits)
         if kind not in KINDS and stop_in(question.payload):
             kind = "command"
         if kind not in KINDS:

@@ -80,5 +80,5 @@ def relay_video(
     """Have a robot's commands for video passed on, those that its adapter does not take itself."""
     relay = VideoRelay(robot.name, keys.video(edge, robot.name), bus_session, loop, clock)
     for name in VIDEO_TYPES:
-        if not robot.takes(name):
+        if robot.spec_of(name) is None:
             robot.controller.own[name] = relay.take

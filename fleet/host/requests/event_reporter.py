@@ -59,13 +59,20 @@ class EventReporter:
         self._in_motion = in_motion
         self._ask: Ask | None = None  # for which it moves, or moved last
         self._ended = float("-inf")
+        self.heard: Callable[[str], None] = lambda _why: None  # of what else moves, stops or ends it
 
     def moves(self, ask: Ask) -> None:
         """Note for which ask the robot moves from now on."""
         self._ask = ask
+        self.heard(f"{ask.name} by {ask.origin.session or ask.origin.way}")
+
+    def stops(self, ask: Command) -> None:
+        """Note that the robot is asked to stop."""
+        self.heard(f"{ask.name} by {ask.origin.session or ask.origin.way}")
 
     def ended(self) -> None:
         """Note that its motion is ended now: what is told of that names what it moved for."""
+        self.heard("its motion was ended")
         if self._in_motion():
             self._ended = self._clock.monotonic()
 
@@ -77,6 +84,7 @@ class EventReporter:
     def authority_lost(self, reason: str) -> None:
         """Tell that somebody else took the robot."""
         kind = EventKind.AUTHORITY_LOST
+        self.heard(f"authority lost: {reason}")
         self.event(kind, f"authority lost: {reason}", telemetry="authority_lost", data={"reason": reason})
 
     def emergency_stop(self, ask: Command, who: str) -> None:

@@ -32,7 +32,7 @@ from fleet.host.safety.emergency_stop import EmergencyStopLatch
 from fleet.host.safety.verb_speeds import VerbSpeeds
 from fleet.model.command import Command, JointSetpoint, Setpoint
 from fleet.model.geometry import Velocity
-from fleet.model.navigation import Control, Navigate
+from fleet.model.navigation import Control, Navigate, Task
 from fleet.model.report import Report
 from fleet.robot_config import AdapterConfig
 from fleet.wire.stops import EMERGENCY, STOP_WORDS
@@ -65,14 +65,13 @@ class RobotController:
         self.speeds = VerbSpeeds(limits)
         latch = EmergencyStopLatch(journal.latched, journal.latch)
         self._admission = Admission(config, clock, latch, self.speeds)
-        life, barred = config.setpoint_lease, self._admission.motion
+        life, barred, guard = config.setpoint_lease, self._admission.motion, self.guard
         self._driving = VelocityControl(
-            limits, clock, life, self.guard, combines=combines, barred=barred, halt=self.halt, crashed=crashed
+            limits, clock, life, guard, combines=combines, barred=barred, halt=self.halt, crashed=crashed
         )
         self.deadman, self.joints = self._driving.deadman, self._driving.joints
         self.senders, self.latch = self._admission.offsets, latch  # the latch: any thread
-        self.would_refuse = self._admission.would_refuse
-        self._repeats = journal.repeats(clock.monotonic())
+        self.would_refuse, self._repeats = self._admission.would_refuse, journal.repeats(clock.monotonic())
         release, store, drives = self.latch.release, self.speeds.store, capabilities.drives
         follow = self.joints.follow if config.follows and capabilities.moves_joints else None
         self.own = own_commands(release=release, restart=restart, store=store, drives=drives, follow=follow)
@@ -85,10 +84,9 @@ class RobotController:
         self._navigator = Navigator(
             publish=publish, hold=self._settle, crashed=crashed, clock=clock, journal=journal, ready=ready
         )
-        self.recall = self._navigator.recall  # says how the actions of an earlier process ended
-        self.doing, self.hold_again = self._navigator.doing, self._driving.hold_again
+        self.recall, self.doing = self._navigator.recall, self._navigator.doing  # recall: of earlier actions
         self._leader = goal_follower_of(config, self._lead, limits, clock, holonomic=capabilities.holonomic)
-        self.see = self._leader.see  # takes the robot's reports: the host leads it by its poses
+        self.see, self.hold_again = self._leader.see, self._driving.hold_again  # see: the poses it is led by
 
     @property
     def latched(self) -> bool:
@@ -263,6 +261,7 @@ class RobotController:
         self._navigator.cancel(f"stopped by {ask.name}")
         self._driving.let_go()
         self._admission.stopped(ask)
+        self.event_reporter.stops(ask)
         if self._adapter is None or self.offline:
             run_in_thread(self.halt, wait=HALT_WAIT)
             receipt.reject(f"{self._absence()}; {what_was_written(self._adapter, heard=self._heard)}")
@@ -341,12 +340,7 @@ class RobotController:
             return
         if self._navigator.repeated(ask.action_id, receipt):
             return
-        refusal = self._admission.navigate(ask) or self._can.cannot(ask.ask) or self.guard.task(ask.ask)
-        who = self._pilot()
-        if refusal is None and self._executor.moving:
-            refusal = f"busy with {self._executor.moving}"
-        if refusal is None and who is None and not self.offline:
-            refusal = f"{self.name} does not navigate" + ": it has told no pose" * self._can.drives
+        refusal, who = self._admission.navigate(ask) or self.unable(ask.ask), self._pilot()
         if refusal is not None or self._adapter is None or self.offline or who is None:
             refusal = refusal or self._absence()
             receipt.reject(refusal)
@@ -359,6 +353,14 @@ class RobotController:
         self.last.follow(ask.name, receipt)
         receipt.watch(self.guard.obeyed)
         self._navigator.start(who, ask.ask, ask.action_id, receipt)
+
+    def unable(self, task: Task) -> str | None:
+        """Return why the robot would not begin a task now, whoever asks for it; None when it would."""
+        busy = f"busy with {self._executor.moving}" if self._executor.moving else None
+        refusal = self._can.cannot(task) or self.guard.task(task) or busy
+        if refusal is not None or self.offline or self._pilot() is not None:
+            return refusal
+        return f"{self.name} does not navigate" + ": it has told no pose" * self._can.drives
 
     def _end_driving(self, adapter: Adapter[Any]) -> None:
         """End a velocity that is held, or was until its lease ran out, before the robot moves otherwise."""

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
-from fleet.commands import CommandSpec
+from fleet.commands import CommandSpec, arguments
+from fleet.errors import Refused
 from fleet.host.robot.controller import RobotController
 from fleet.host.robot.own_commands import MOTION
 from fleet.model.command import Command, Origin, Transport
+from fleet.model.navigation import Control, Navigate
 
 
 def would_refuse(controller: RobotController, name: str, spec: CommandSpec | None) -> str:
@@ -22,3 +24,32 @@ def would_refuse(controller: RobotController, name: str, spec: CommandSpec | Non
         return f"{controller.name} is offline: {controller.offline}"
     busy = controller.activity if spec.moves and not spec.interrupts else ""
     return f"busy with {busy}" if busy else ""
+
+
+def against(controller: RobotController, ask: Command | Navigate, spec: CommandSpec | None) -> str:
+    """Return why a robot would not begin what it is asked if it stood as it does now; empty when it would.
+
+    ``spec`` is that of a command. Stricter than to ask it: one that does anything, even for the same asker,
+    does not begin something else together with others.
+    """
+    if controller.offline or controller.activity:
+        return (
+            f"{controller.name} is offline: {controller.offline}"
+            if controller.offline
+            else f"busy with {controller.activity}"
+        )
+    if isinstance(ask, Navigate):
+        if isinstance(ask.ask, Control):
+            return f"{ask.name} is not started together"
+        return controller.would_refuse(ask, moves=True, safe=False) or controller.unable(ask.ask) or ""
+    if spec is None:
+        return f"{controller.name} has no {ask.name!r} that could be started together"
+    try:
+        arguments(spec, ask.data)
+    except Refused as error:
+        return str(error)
+    return (
+        controller.would_refuse(ask, moves=spec.moves, safe=spec.safe)
+        or controller.guard.beginning(ask)
+        or ""
+    )

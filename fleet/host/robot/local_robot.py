@@ -9,6 +9,7 @@ from functools import partial
 from typing import Any
 
 from fleet.clock import Clock
+from fleet.commands import CommandSpec
 from fleet.errors import WireError
 from fleet.host.journal.journal import RobotJournal
 from fleet.host.requests.decode import Ask, RequestDecoder, is_discrete, is_stop, max_wait, reply_with_flaw
@@ -55,13 +56,6 @@ from fleet.wire.rules import Kind
 from fleet.wire.stops import EMERGENCY
 
 
-def source_type(config: AdapterConfig) -> str:
-    """Return the source type of a robot's own state."""
-    if config.simulated:
-        return "sim"
-    return f"edge_{config.role}" if config.role else "edge"
-
-
 class LocalRobot:
     """A robot whose adapter runs in this process."""
 
@@ -85,18 +79,14 @@ class LocalRobot:
         drop_in: str = "",
     ) -> None:
         self.config = config
-        self._drop_in = drop_in
-        self._supervised = supervised
-        self.name = config.name
-        self.twin = str(config.twin)
-        self.source_type = source_type(config)
+        self._drop_in, self._supervised = drop_in, supervised
+        self.name, self.twin = config.name, str(config.twin)
+        self.source_type = config.source_type
         self._simulated = config.simulated  # here once: the state is asked for often
         self.legacy_status = config.legacy_status
         self._adapter = adapter
         self._edge, self._worker = edge, worker
-        self._clock = clock
-        self._scheduler = scheduler
-        self._shared = shared
+        self._clock, self._scheduler, self._shared = clock, scheduler, shared
         self._send = outbox.sender(self.twin)
         self._seen = Snapshot()
         self._traffic: RobotPositions | None = None
@@ -139,10 +129,6 @@ class LocalRobot:
             changed=self._health_changed,
             told=self.happenings.level_is,
         )
-
-    def takes(self, name: str) -> bool:
-        """Return True for a command that the adapter declares."""
-        return name in self._can.commands
 
     def share_space(self, traffic: RobotPositions) -> None:
         """Be one of the robots of the edge that are kept apart from each other."""
@@ -187,8 +173,7 @@ class LocalRobot:
         """
         arrived = self._arrival()
         try:
-            ask = self._decoder.decode(kind, payload, way=way, request_id=request_id, unread=unread)
-            ask = goal_of(ask, self._can, self.controller.speeds.of)
+            ask = self.ask_of(kind, payload, way=way, request_id=request_id, unread=unread)
         except WireError as error:
             name, action_id = getattr(error, "command", "") or kind, getattr(error, "action_id", "")
             return Request(partial(self._refuse, kind, way, name, action_id, str(error)))
@@ -198,18 +183,34 @@ class LocalRobot:
             self._stop_at_once(ask.origin, request_of(ask))
         return Request(partial(self._take, kind, ask, waits, arrived), is_stop(ask), is_discrete(ask))
 
+    def ask_of(
+        self, kind: Kind, payload: bytes, *, way: Transport, request_id: str, unread: str = ""
+    ) -> Ask | None:
+        """Return what a message asks of the robot, None for a reply; raises WireError."""
+        ask = self._decoder.decode(kind, payload, way=way, request_id=request_id, unread=unread)
+        return goal_of(ask, self._can, self.controller.speeds.of)
+
+    def spec_of(self, command: str) -> CommandSpec | None:
+        """Return what the adapter declares of a command, None for one that it does not have."""
+        return self._can.commands.get(command)
+
+    def begin(self, ask: Ask, receipt: Receipt) -> None:
+        """Bring an ask to the robot's controller, and record it; on the loop."""
+        self._recorder.asked(ask, receipt)
+        self._context.run(self.controller.receive, ask, receipt)
+        self.in_use = self.in_use or self.controller.in_control
+
     def _take(self, kind: Kind, ask: Ask, waits: bool, arrived: float, answer: Answer) -> None:  # noqa: FBT001 - by position
         """Bring a request to the controller, unless it is late; no stamp: as old as its arrival."""
         if isinstance(ask, Command) and ask.flaw:
             self._refusals.add("flawed", "took a message that was refused for %s: %s", ask.name, ask.flaw)
             answer = reply_with_flaw(answer, ask.flaw)
         receipt = Receipt(ask.name, answer, waits=waits)
-        self._recorder.asked(ask, receipt)
         waited = self._clock.monotonic() - arrived
         if waited <= max_wait(ask, self.config):
-            self._context.run(self.controller.receive, ask, receipt)
-            self.in_use = self.in_use or self.controller.in_control
+            self.begin(ask, receipt)
             return
+        self._recorder.asked(ask, receipt)
         why = f"it waited up to {waited:.1f} s: the edge was held up"
         self._refusals.add("late", "refused %s: %s", ask.name, why)
         receipt.reject(why)
@@ -242,8 +243,7 @@ class LocalRobot:
         """Say that a goal or a mission that could not be read has failed, by its id where it had one."""
         if kind in ("navigate", "mission"):
             step = 0 if kind == "mission" else None
-            now = self._clock.time()
-            self.publish(NavigationReport(now, action_id, ActionState.FAILED, 0.0, why, step))
+            self.publish(NavigationReport(self._clock.time(), action_id, ActionState.FAILED, 0.0, why, step))
 
     def start(self) -> asyncio.Task[None]:
         """Begin to serve the robot."""

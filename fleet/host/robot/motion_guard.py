@@ -232,6 +232,11 @@ class MotionGuard:
         except Refused:
             return ()
 
+    def means(self, task: Task | None) -> None:
+        """Note where a task leads that the robot is prepared for: others keep away; None: nowhere."""
+        if self.apart is not None:
+            self.apart.means(() if task is None else self.points(task))
+
     def within(self, velocity: Velocity) -> Velocity:
         """Return the part of a body velocity that keeps the fence, and the robot apart from others.
 

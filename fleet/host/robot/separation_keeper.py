@@ -128,6 +128,7 @@ class SeparationKeeper:
         self._task: Task | None = None
         self._way: tuple[Vector3, ...] = ()
         self._down: tuple[Vector3, ...] = ()  # the way of a landing that is under way
+        self._meant: tuple[Vector3, ...] = ()  # the way that it is prepared for
         self._near: tuple[tuple[float, Occupant], ...] = ()  # by how far the robot may go in any direction
         self._free = math.inf  # m/s that pass in any direction
         self._judged = ZERO_VELOCITY  # the velocity that was judged last, and what of it passes until when
@@ -218,7 +219,7 @@ class SeparationKeeper:
         if self.placement is None:
             return ()
         if doing is None:
-            return self._down
+            return self._down or self._meant
         task, behind = doing
         if task is not self._task:
             self._task = task
@@ -250,6 +251,10 @@ class SeparationKeeper:
         if robot is None or self.placement is None or not points:
             return ""
         return way_trouble(robot, self._in_site(points), self._others.others(self.name))
+
+    def means(self, points: Sequence[Vector3]) -> None:
+        """Note the way that the robot is prepared for, which others keep away from; no points: none."""
+        self._meant = self._in_site(points) if self.placement is not None else ()
 
     def comes_down(self, points: Sequence[Vector3]) -> None:
         """Note the way of a landing, which others keep away from; no points: it has ended."""

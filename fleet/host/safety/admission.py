@@ -63,8 +63,11 @@ class Admission:
             self._take(ask.origin)
         return refusal
 
-    def would_refuse(self, ask: Command, *, moves: bool, safe: bool) -> str | None:
-        """Return why a command would be refused that was asked now; takes the robot for nobody."""
+    def would_refuse(self, ask: Command | Navigate, *, moves: bool, safe: bool) -> str | None:
+        """Return why a command or a goal would be refused that was asked now; takes the robot for nobody."""
+        if isinstance(ask, Navigate):
+            turn = self.lease.refusal(ask.origin.session, self._clock.monotonic())
+            return self._policy.refusal(ask.origin, navigation=True) or self.motion() or turn
         if ask.name in STOP_WORDS:
             return None
         return self._policy.refusal(ask.origin) or self._standing(ask, moves=moves, safe=safe)

@@ -18,7 +18,6 @@ from fleet.health.aggregate import LEVELS
 from fleet.host.requests.decode import RequestDecoder, is_discrete, is_stop, max_wait, reply_with_flaw
 from fleet.host.requests.event_reporter import request_of, requester_of, robot_log
 from fleet.host.requests.stop_cause import StopCause, local_cause, note_of
-from fleet.host.robot.local_robot import source_type
 from fleet.host.runtime.threads import HALT_WAIT, run_in_thread
 from fleet.host.safety.verb_speeds import VerbSpeeds
 from fleet.model.command import Answer, Command, Reply, ReplyStatus, Request, Transport
@@ -57,7 +56,7 @@ class RemoteRobot:
         self.publish = publish  # what this process has to say of it, beside its worker
         self._log = robot_log(config.name)
         self.twin = str(config.twin)
-        self.source_type = source_type(config)
+        self.source_type = config.source_type
         self.legacy_status = config.legacy_status
         self.worker = worker
         self._config = config

@@ -25,6 +25,7 @@ from fleet.errors import FleetError
 from fleet.host.journal.stores import open_stores
 from fleet.host.logs.folders import log_folder
 from fleet.host.logs.setup import LogSettings, start_logging
+from fleet.host.process.common_start import take_starts
 from fleet.host.process.driverlog import publish_robot_logs
 from fleet.host.process.history_service import HistoryService
 from fleet.host.process.robot_process import RobotProcess
@@ -74,6 +75,7 @@ async def run(task: WorkerTask, directory: Path, parent: int | None) -> int:
     end_by_signal(ended.set)
     stop_logs = publish_robot_logs(process)
     stop = serve_stops(process, bus, task.groups)
+    take_starts(process)
     process.follow_supervisor(stop, ended)
     bus.control.subscribe(keys.halt(edge, name), lambda _key, _payload: process.halt_robots())
     bus.control.subscribe(keys.holders(edge), lambda _key, payload: process.others_have(payload))

@@ -74,9 +74,9 @@ def task_of(loaded: Loaded, worker: str) -> WorkerTask:
         settle=settle_time(config),
         folder=str(loaded.folder.absolute()),
         names=tuple(robot.name for robot in config.robots),
-        groups={group: list(names) for group, names in config.groups.items()},
+        groups={group: list(names) for group, names in config.members.items()},
         robots=robots,
-        held=robots_of(config.stop_inputs, config.groups, (robot.name for robot in robots)),
+        held=robots_of(config.stop_inputs, config.members, (robot.name for robot in robots)),
         site=GeoOrigin(*origin) if origin else None,
     )
 

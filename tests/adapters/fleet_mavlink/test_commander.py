@@ -264,6 +264,35 @@ def test_something_urgent_ends_what_is_under_way_at_once(talk):
     talk(test)
 
 
+def test_what_is_nobodys_wish_holds_up_no_command_though_it_is_not_answered(talk):
+    """A stream that is asked for, and not answered, kept commands waiting for a second."""
+
+    async def test(it):
+        rate = CommandLong(Cmd.SET_MESSAGE_INTERVAL, param1=32.0)
+        asked = [asyncio.ensure_future(it.commander.ask(rate, tries=1, yields=True)) for _ in range(2)]
+        await asyncio.sleep(0.1)
+        began = it.loop.time()
+        it.later(0.05, ack(Result.ACCEPTED))
+        await it.commander.ask(ARM)
+        assert it.loop.time() - began == pytest.approx(0.05)
+        assert all(isinstance(end, Refused) for end in await asyncio.gather(*asked, return_exceptions=True))
+        assert [sent.command for sent in it.sent] == [Cmd.SET_MESSAGE_INTERVAL, Cmd.COMPONENT_ARM_DISARM]
+
+    talk(test)
+
+
+def test_what_yields_waits_for_a_command_that_is_under_way(talk):
+    async def test(it):
+        doing = asyncio.ensure_future(it.commander.ask(ARM))
+        await asyncio.sleep(0.1)
+        it.later(0.2, ack(Result.ACCEPTED))
+        it.later(0.3, ack(Result.ACCEPTED, Cmd.SET_MESSAGE_INTERVAL))
+        await it.commander.ask(CommandLong(Cmd.SET_MESSAGE_INTERVAL), tries=1, yields=True)
+        assert doing.done()
+
+    talk(test)
+
+
 def test_what_is_more_urgent_does_not_wait_behind_what_waits_for_its_turn(talk):
     async def test(it):
         queue = [asyncio.ensure_future(it.commander.ask(ARM)) for _ in range(4)]

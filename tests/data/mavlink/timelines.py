@@ -9,7 +9,7 @@ import contextlib
 from collections.abc import Iterator
 from pathlib import Path
 
-from fleet_mavlink.hub import Hub
+from fleet_mavlink.link_hub import LinkHub
 
 from fleet.testing.clock import ManualClock
 
@@ -80,7 +80,7 @@ class Watch:
 
 def systems_of(path: Path) -> tuple[int, ...]:
     """Return the autopilots in a recording."""
-    hub = Hub(Silent(), ManualClock(monotonic=0.0), *STATION)
+    hub = LinkHub(Silent(), ManualClock(monotonic=0.0), *STATION)
     for _, frame in records(path):
         hub.receive(frame, None)
     return hub.heard
@@ -89,7 +89,7 @@ def systems_of(path: Path) -> tuple[int, ...]:
 def timeline(path: Path) -> list[str]:
     """Return the lines of a recording: seconds since its begin, system, what, value."""
     clock, lines = ManualClock(monotonic=0.0), []
-    hub = Hub(Silent(), clock, *STATION)
+    hub = LinkHub(Silent(), clock, *STATION)
     with contextlib.ExitStack() as claims:
         for system in systems_of(path):
             Watch(claims.enter_context(hub.vehicle(system)), lines, clock)

@@ -56,22 +56,28 @@ TOKEN = {
     f"fleet/yard/claims/{OURS}/1": {"arms", "hub"},
     f"fleet/barn/claims/{OURS}/1": {"barn", "hub"},
     f"fleet/elsewhere/claims/{OURS}/1": {"hub"},
+    "fleet/yard/starts/1": {"desk", "hub"},
 }
 ASK = {
     "fleet/yard/robots/rex/command": {"desk", "hub"},
     "fleet/*/robots/*/command": {"desk", "hub"},
+    "fleet/yard/robots/rex/prepare": {"desk", "hub"},
+    "fleet/yard/starts": {"desk", "hub"},
     "fleet/yard/robots/rex/state": set(ROLES),
     "fleet/yard/health": set(ROLES),
     f"cw/{OURS}/data/position": set(ROLES),
     "fleet/yard/stop": {*ROLES, STRANGER},
     "fleet/yard/robots/rex/video": {"arms", "hub"},
     "fleet/yard/history": {"desk", "hub"},
+    "fleet/yard/schedules": {"desk", "hub"},
     "fleet/yard/robots/rex/description": set(ROLES),
     "fleet/yard/elsewhere": {"hub"},
 }
 ANSWER = {
     "fleet/yard/robots/max/command": {"arms", "hub"},
     "fleet/yard/robots/max/video": {"planner", "hub"},
+    "fleet/yard/robots/max/prepare": {"arms", "hub"},
+    "fleet/yard/starts": {"arms", "hub"},
     "fleet/yard/history": {"arms", "hub"},
     "fleet/yard/robots/max/description": {"arms", "hub"},
     "fleet/yard/health": {"hub"},
@@ -262,6 +268,7 @@ def test_every_key_of_the_fleet_is_given_to_somebody_or_kept():
     """Who adds a key decides here, in PUT, TOKEN, ASK or ANSWER, and in the rules, who may use it."""
     decided = {"edge", "robot", "claim", "claims", "command", "holders", "places", "state", "worker"}
     decided |= {"heartbeat", "halt", "health", "stop", "held", "video", "history", "description"}
+    decided |= {"prepare", "starts", "starting", "schedules"}
     assert {name for name, _ in inspect.getmembers(keys, inspect.isfunction)} == decided
 
 

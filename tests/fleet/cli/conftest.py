@@ -111,7 +111,7 @@ def runtime(monkeypatch):
 class PlayedEdge:
     """An edge as commands see it: its bus, and robots that answer as the test says."""
 
-    def __init__(self, runtime, edge, robots, groups, settings):
+    def __init__(self, runtime, edge, robots, groups, settings, *, places=None):
         self.edge = edge
         self.stops = []
         self._silent = False
@@ -124,7 +124,7 @@ class PlayedEdge:
         self._control = self.bus.control
         for name, fields in robots.items():
             self.also_speaks(name, **fields)
-        health = EdgeState(edge, "1.0", 0.0, 5.0, groups=groups)
+        health = EdgeState(edge, "1.0", 0.0, 5.0, groups=groups, places=places or {})
         self._control.answer(keys.health(edge), self._event_reporter(msgspec.json.encode(health)))
         self._control.answer(keys.stop(edge), self._stopped)
         self._control.token(keys.edge(edge))
@@ -223,8 +223,8 @@ def play_edge(runtime):
     """Play an edge, as many as needed."""
     with contextlib.ExitStack() as stack:
 
-        def play_edge(edge, *, robots=None, groups=None, **settings):
-            played = PlayedEdge(runtime, edge, robots or {}, groups or {}, settings)
+        def play_edge(edge, *, robots=None, groups=None, places=None, **settings):
+            played = PlayedEdge(runtime, edge, robots or {}, groups or {}, settings, places=places)
             stack.callback(played.bus.close)
             return played
 

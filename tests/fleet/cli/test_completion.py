@@ -8,12 +8,17 @@ import pytest
 from fleet.bus import keys
 from fleet.cli.completion import SHELLS
 from fleet.model.description import CommandDescription, RobotDescription
+from fleet.model.place import Place
+
+DOCK = Place("dock-1", (1.0, 2.0))
 
 
 @pytest.fixture
 def complete(place, play_edge):
     """Complete a line as bash would, with an edge that runs."""
-    edge = play_edge("yard-1", robots={"kestrel": {}, "rex": {}}, groups={"kites": ["kestrel"]})
+    edge = play_edge(
+        "yard-1", robots={"kestrel": {}, "rex": {}}, groups={"kites": ["kestrel"]}, places={"dock-1": DOCK}
+    )
     found = RobotDescription("kestrel", "toy", (CommandDescription("takeoff"), CommandDescription("land")))
 
     def tell(question):
@@ -48,7 +53,8 @@ def test_each_shell_has_a_script_that_asks_the_program(fleet, shell):
         ("fleet send kestrel ta", ["takeoff"]),
         ("fleet describe kestrel ", ["land", "takeoff"]),
         ("fleet send nobody ", []),
+        ("fleet goto rex d", ["dock-1"]),
     ],
 )
-def test_robots_groups_and_commands_are_completed(complete, line, said):
+def test_robots_groups_commands_and_places_are_completed(complete, line, said):
     assert complete(line) == said

@@ -61,3 +61,26 @@ def test_a_misspelt_command_is_told_with_the_nearest(fleet):
 def test_a_robot_whose_process_is_silent_is_told_as_such(fleet):
     result = fleet("describe", "rex")
     assert (result.code, "its worker is silent" in result.err) == (6, True)
+
+
+def test_of_a_group_each_robot_has_one_line_and_one_that_is_silent_hides_no_other(fleet, play_edge):
+    robots = {"kestrel": {"health": "ok"}, "rex": {"health": "ok"}, "mute": {"cause": "its worker is silent"}}
+    edge = play_edge("yard-1", robots=robots, groups={"all": list(robots)})
+    said = {"kestrel": FOUND, "rex": RobotDescription("rex", "toy", (CommandDescription("land"),))}
+
+    def tell(question):
+        question.reply(msgspec.json.encode(said[question.key.split("/")[3]]))
+        question.close()
+
+    for name in said:
+        edge.bus.control.answer(keys.description("yard-1", name), tell)
+    result = fleet("describe", "all")
+    assert result.code == 7
+    rows = [" ".join(row.split()) for row in result.out.splitlines()]
+    assert "kestrel land; not now: takeoff" in rows
+    assert "rex land" in rows
+    assert any(row.startswith("mute unknown: mute does not say what it takes") for row in rows)
+    one = fleet("describe", "all", "takeoff")
+    assert "rex there is no such command" in [" ".join(row.split()) for row in one.out.splitlines()]
+    found = fleet("describe", "all", "--json").json["robots"]
+    assert [each["robot"] for each in found] == ["kestrel", "rex", "mute"]

@@ -144,10 +144,20 @@ def test_all_of_a_group_are_asked_at_once(fleet, yard):
     assert sorted(result.out.splitlines()) == ["beast: takeoff accepted", "rex: takeoff accepted"]
 
 
-def test_of_a_group_some_may_fail(fleet, yard):
+def test_of_a_group_each_robot_has_a_line_and_all_have_one_together(fleet, yard):
     yard.answers("rex", ACCEPTED)
     yard.answers("beast", DENIED)
-    assert fleet("send", "ground", "takeoff").code == 7
+    result = fleet("send", "ground", "takeoff")
+    assert (result.code, len(result.out.splitlines())) == (7, 2)
+    assert result.err == "1 of 2 ok; refused or failed: beast\n"
+
+
+def test_when_no_robot_of_a_group_did_it_the_worst_counts(fleet, yard):
+    """Nobody knows what a robot does that does not answer; one that refused does nothing."""
+    yard.answers("rex", LATE)
+    yard.answers("beast", DENIED)
+    result = fleet("send", "ground", "takeoff")
+    assert (result.code, result.err) == (6, "0 of 2 ok; not known: rex; refused or failed: beast\n")
 
 
 def test_a_group_of_which_all_refuse_is_a_refusal(fleet, yard):
@@ -161,7 +171,10 @@ def test_a_robot_of_a_group_that_does_not_run_is_not_passed_over(fleet, play_edg
     edge.answers("rex", ACCEPTED)
     result = fleet("send", "ground", "takeoff")
     assert result.code == 7
-    assert result.err == "beast: takeoff timeout: it does not run on yard-1\n"
+    assert result.err.splitlines() == [
+        "beast: takeoff timeout: it does not run on yard-1",
+        "1 of 2 ok; not known: beast",
+    ]
 
 
 def test_an_empty_group_is_told_as_such(fleet, play_edge):

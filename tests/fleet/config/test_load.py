@@ -298,3 +298,47 @@ def test_robots_that_would_lead_each_other_or_a_real_one_from_a_simulation_are_r
     yard, first, second, says
 ):
     assert any(says in problem for problem in followers(yard, first, second))
+
+
+GROUPED = (
+    "groups: {yard: {robots: [a], limits: {speed: 1.5, altitude: 20}, accepts: {command: [tele, sim]}}}\n"
+)
+
+
+def test_what_a_group_says_stands_under_its_robots_and_their_own_words_win(yard):
+    more = "defaults: {limits: {speed: 9, distance: 50}}\n" + GROUPED
+    ((config, _),) = yard.load(small(more=more)).robots
+    assert (config.limits.speed, config.limits.altitude, config.limits.distance) == (1.5, 20.0, 50.0)
+    assert config.accepts.command == {"tele", "sim"}
+    own = ROBOT.replace("adapter: toy", "adapter: toy, limits: {speed: 3}")
+    ((config, _),) = yard.load(small(own, more=more)).robots
+    assert (config.limits.speed, config.limits.altitude) == (3.0, 20.0)
+
+
+def test_a_group_of_either_form_has_the_same_members(yard):
+    assert yard.load(small(more=GROUPED)).config.members == {"yard": ("a",)}
+    assert yard.load(small(more="groups: {yard: [a]}\n")).config.members == {"yard": ("a",)}
+
+
+def test_two_groups_that_contradict_each_other_are_told_unless_the_robot_says_it_itself(yard):
+    more = "groups:\n  one: {robots: [a], limits: {speed: 1}}\n  two: {robots: [a], limits: {speed: 2}}\n"
+    (problem,) = yard.problems(small(more=more))
+    assert "fleet.yaml:5:8: groups.two: another group of a says something else" in problem
+    own = ROBOT.replace("adapter: toy", "adapter: toy, limits: {speed: 3}")
+    ((config, _),) = yard.load(small(own, more=more)).robots
+    assert config.limits.speed == 3.0
+
+
+@pytest.mark.parametrize(
+    ("group", "told"),
+    [
+        ("{robots: [a], limits: {sped: 1}}", "groups.y.limits.sped: unknown key (did you mean 'speed'?)"),
+        ("{limits: {speed: 1}}", "groups.y: the key 'robots' is missing"),
+        ("{robots: [b]}", "groups.y.robots[0]: there is no robot 'b'"),
+        ("{robots: [a, a]}", "groups.y.robots[1]: 'a' is in the group already"),
+        ("{robots: [a], fence: {}}", "groups.y.fence: unknown key"),
+        ("a", "groups.y: must be a list"),
+    ],
+)
+def test_what_is_wrong_with_a_group_is_told_where_it_stands(yard, group, told):
+    assert any(told in problem for problem in yard.problems(small(more=f"groups: {{y: {group}}}\n")))

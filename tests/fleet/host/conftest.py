@@ -240,6 +240,7 @@ class ToyConfig(fleet.AdapterConfig):
     adapter: Literal["toy"]
     journal: str
     stands: bool = False  # it tells a pose
+    fix: bool = True  # it is ready to take off
 
 
 class Toy(fleet.Adapter[ToyConfig]):
@@ -270,6 +271,19 @@ class Toy(fleet.Adapter[ToyConfig]):
         self.note("navigate")
         yield fleet.Progress(1)
         await asyncio.Event().wait()
+
+    @fleet.command("takeoff")
+    async def takeoff(self):
+        self.note("takeoff")
+
+    @fleet.command("check_ready", moves=False)
+    async def check_ready(self):
+        gps = {"check": "gps", "ok": self.config.fix, "words": [] if self.config.fix else ["no fix"]}
+        return {"ready": self.config.fix, "checks": [gps]}
+
+    @fleet.command("walk")
+    async def walk(self):
+        self.note("walk")
 
     @fleet.command("hang", moves=False)
     async def hang(self):

@@ -54,7 +54,7 @@ def test_an_event_that_nobody_asked_for_names_nobody():
 
 @pytest.mark.parametrize("kind", EventKind)
 def test_what_was_asked_and_how_it_ended_is_not_told_to_the_cloud_as_an_event(kind):
-    asked = {EventKind.COMMAND, EventKind.OUTCOME, EventKind.STOP, EventKind.RELEASE}
+    asked = {EventKind.COMMAND, EventKind.OUTCOME, EventKind.STOP, EventKind.RELEASE, EventKind.SCHEDULE}
     assert bool(told(EventReport(1.0, kind, "x"))) == (kind not in asked) == (kind in TOLD_TO_THE_CLOUD)
 
 

@@ -5,7 +5,6 @@ import json
 import pytest
 from cyberwave_contracts import SourceTypeEnvelopeV1
 
-from fleet.host.robot.local_robot import source_type
 from fleet.model.report import JointReport, JointTags
 from fleet.robot_config import AdapterConfig
 from fleet.wire.databus import decode_report, encode_report
@@ -28,7 +27,7 @@ class Arm(AdapterConfig):
     ],
 )
 def test_the_state_of_a_robot_says_which_of_two_arms_it_is(config, word):
-    by = sender(source_type=source_type(Arm(name="arm", twin=TWIN, **config)))
+    by = sender(source_type=Arm(name="arm", twin=TWIN, **config).source_type)
     _, payload = to_mqtt(JointReport(1.0, {"hip": 0.5}), by)[0]
     message = json.loads(payload)
     SourceTypeEnvelopeV1.model_validate(message)
@@ -41,7 +40,7 @@ def test_a_plugin_with_both_arms_on_one_twin_says_of_each_report_which_it_is(rol
     report = JointReport(1.0, {"hip": 0.5}, tags=JointTags(role=role))
     across = decode_report("joint_states", encode_report(report, 1))
     for link, word in (("memory:arm", f"edge_{role}"), ("sim:arm", "sim")):
-        by = sender(source_type=source_type(Arm(name="arm", twin=TWIN, link=link)), layout=layout)
+        by = sender(source_type=Arm(name="arm", twin=TWIN, link=link).source_type, layout=layout)
         for _, payload in to_mqtt(across, by):
             message = json.loads(payload)
             assert message["source_type"] == word

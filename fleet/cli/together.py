@@ -1,0 +1,195 @@
+"""``--at``: asking several robots so that all begin at one instant, or none.
+
+The clocks of their processes are measured, all are prepared, and then the instant is told to all of them.
+Until it has come, whatever stands against one robot takes back the start of all; so does our end, however
+violent, by the liveliness token that we hold. Each robot's part is one question: prepared or not, receipt,
+end.
+"""
+
+from __future__ import annotations
+
+import re
+import time
+import uuid
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from datetime import datetime
+from typing import Any, Self
+
+import click
+import msgspec
+
+from fleet.bus import keys
+from fleet.bus.zenoh_session import ZenohSession
+from fleet.cli.edges import Edges, decoded
+from fleet.cli.local_user import stamped
+from fleet.errors import Refused
+from fleet.model.command import Reply
+from fleet.model.start import AT_LEAST, FARTHEST, Offset, StartAnswer, StartAsked, offset_of
+from fleet.model.state import RobotState
+from fleet.robot_config import MAIN
+
+CLOCKS_WITHIN = 0.02  # s by which the clock of a process may be off, the error of measuring it counted
+PINGS = 8  # questions by which a clock is measured; the fastest counts
+PING_WITHIN = 1.0  # s
+SPARE = 0.2  # s before the instant by which everyone must have taken it, or nobody begins
+
+Question = tuple[RobotState, str, dict[str, Any]]
+"""A robot, the name of what is asked of it, and the message, which is stamped when it is sent."""
+Answers = tuple[RobotState, str, Iterator[Reply]]
+
+_AHEAD = re.compile(r"\+(\d+(?:\.\d+)?)\s*(s|min)?")
+
+
+def instant(_context: click.Context, _option: click.Parameter, text: str | None) -> float | None:
+    """Return the Unix seconds that ``+2s`` from now or an ISO date with time mean; None for nothing said."""
+    if text is None:
+        return None
+    now = time.time()
+    found = _AHEAD.fullmatch(text.strip())
+    try:
+        at = now + float(found[1]) * (60.0 if found[2] == "min" else 1.0) if found else _date(text)
+    except (ValueError, OverflowError):
+        reason = f"{text!r} is neither like +2s nor a time like 2026-11-22T10:00:00+01:00"
+        raise click.BadParameter(reason) from None
+    if not AT_LEAST <= at - now <= FARTHEST:
+        reason = f"{at - now:.1f} s from now is not {AT_LEAST:g} to {FARTHEST:g} s ahead"
+        raise click.BadParameter(reason)
+    return at
+
+
+def _date(text: str) -> float:
+    """Return the Unix seconds of an ISO date with a time; local unless it names a zone."""
+    return datetime.fromisoformat(text).timestamp()
+
+
+at_option = click.option(
+    "--at",
+    "at",
+    callback=instant,
+    metavar="+2s|TIME",
+    help="Begin at one instant, all or none: so far from now, or at a time (local unless it names a zone).",
+)
+
+
+class CommonStart:
+    """One start of several robots; used as a context, which takes back what has not begun."""
+
+    def __init__(self, edges: Edges, asked: Sequence[Question], *, kind: str, at: float) -> None:
+        self._id = uuid.uuid4().hex
+        self._edges, self._at, self._kind = edges, at, kind
+        self._lanes: dict[str, ZenohSession] = {}
+        self._asked = asked
+        self._tokens: list[Callable[[], None]] = []
+
+    def __enter__(self) -> Self:
+        for robot, _, _ in self._asked:
+            bus_session = self._edges.lane_of(robot)
+            if bus_session is None:
+                raise Refused(f"{robot.name}: {robot.cause or 'nobody speaks for it'}: nobody is started")
+            if robot.edge not in self._lanes:
+                self._lanes[robot.edge] = bus_session
+                self._tokens.append(bus_session.token(keys.starting(robot.edge, self._id)))
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._withdraw()
+
+    def _withdraw(self) -> None:
+        """Show that nobody asks for it any more."""
+        while self._tokens:
+            self._tokens.pop()()
+
+    def check_clocks(self) -> None:
+        """Raise Refused for processes whose clocks are not ours."""
+        wanted = {(robot.edge, robot.worker or MAIN) for robot, _, _ in self._asked}
+        for edge, bus_session in self._lanes.items():
+            offsets = _offsets(bus_session, edge)
+            for process in sorted(process for of, process in wanted if of == edge):
+                _check(edge, process, offsets.get(process))
+
+    def run(self, *, wait: bool, within: float) -> tuple[list[Answers], dict[str, str]]:
+        """Prepare all and tell the instant; return whose answers are to come, and what hindered whom.
+
+        Where anything hindered anybody, nobody begins: then their answers say so.
+        """
+        answers, problems = _first_answers(self._prepared(wait=wait, within=within))
+        if not problems:
+            problems = self._told()
+        if problems:
+            self._withdraw()
+        return answers, problems
+
+    def _prepared(self, *, wait: bool, within: float) -> list[Answers]:
+        """Ask all at once to prepare."""
+        parameters = {"kind": self._kind, "wait": "1" if wait else "0", "start": self._id}
+        last = self._at - time.time() + within
+        asked: list[Answers] = []
+        for robot, command, message in self._asked:
+            key = keys.prepare(robot.edge, robot.name)
+            bus_session = self._lanes[robot.edge]
+            answers = bus_session.ask(key, stamped(message), timeout=last, parameters=parameters)
+            asked.append((robot, command, (reply for _, reply in decoded(answers, Reply))))
+        return asked
+
+    def _told(self) -> dict[str, str]:
+        """Tell all processes the instant; return why some robots will not begin, or are not known to."""
+        left = self._at - SPARE - time.time()
+        if left <= 0:
+            late = f"it took until {-left:.1f} s too late to prepare all; name a later time"
+            return {robot.name: late for robot, _, _ in self._asked}
+        asked = msgspec.json.encode(StartAsked(self._id, self._at))
+        told = [
+            bus_session.ask(keys.starts(edge), asked, timeout=left)
+            for edge, bus_session in self._lanes.items()
+        ]
+        found: dict[str, str] = {}
+        for edge, answers in zip(self._lanes, told, strict=True):
+            for _, answer in decoded(answers, StartAnswer):
+                found |= {f"{edge}/{name}": why for name, why in answer.robots.items()}
+        unheard = "its process did not take the instant in time"
+        problems = {r.name: found.get(f"{r.edge}/{r.name}", unheard) for r, _, _ in self._asked}
+        if time.time() > self._at - SPARE / 2 and not any(problems.values()):
+            problems[self._asked[0][0].name] = "the instant came before all had taken it"
+        return {name: why for name, why in problems.items() if why}
+
+
+def _first_answers(asked: Iterable[Answers]) -> tuple[list[Answers], dict[str, str]]:
+    """Wait until every robot is prepared; return the rest of their answers, and why some are not."""
+    answers, problems = [], {}
+    for robot, command, replies in asked:
+        reply = next(replies, None)
+        rest = replies
+        if reply is None:
+            problems[robot.name] = robot.cause or "it does not answer"
+        elif not reply.ok:
+            problems[robot.name] = reply.reason
+            rest = iter((msgspec.structs.replace(reply, command=command),))
+        answers.append((robot, command, rest))
+    return answers, problems
+
+
+def _offsets(bus_session: ZenohSession, edge: str) -> dict[str, Offset]:
+    """Return how far the clocks of an edge's processes are from ours, by the fastest of some questions."""
+    best: dict[str, Offset] = {}
+    asked = msgspec.json.encode(StartAsked())
+    for _ in range(PINGS):
+        sent = time.time()
+        for _, answer in decoded(bus_session.ask(keys.starts(edge), asked, timeout=PING_WITHIN), StartAnswer):
+            offset = offset_of(sent, answer.time, time.time())
+            known = best.get(answer.process)
+            if known is None or offset.bound < known.bound:
+                best[answer.process] = offset
+    return best
+
+
+def _check(edge: str, process: str, offset: Offset | None) -> None:
+    """Raise Refused for a clock that is not ours, or that nobody could measure."""
+    where = f"edge {edge}" if process == MAIN else f"worker {process} of edge {edge}"
+    if offset is None:
+        raise Refused(f"{where} does not tell its time: nobody is started")
+    if offset.worst > CLOCKS_WITHIN:
+        raise Refused(
+            f"the clock of {where} is {offset.seconds * 1000:+.0f} ms from ours (within "
+            f"{offset.bound * 1000:.0f} ms), {CLOCKS_WITHIN * 1000:.0f} ms are the most: nobody is started",
+            hint="synchronise the clocks, by NTP or PTP",
+        )

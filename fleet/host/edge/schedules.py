@@ -1,0 +1,170 @@
+"""The schedules of an edge, on its event loop and on its bus."""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+from collections.abc import Callable, Iterable
+from pathlib import Path
+
+import msgspec
+
+from fleet.bus.zenoh_session import Query
+from fleet.clock import Clock
+from fleet.config.schema import Sections
+from fleet.errors import StateError
+from fleet.host.requests.history_recorder import never_raises
+from fleet.model.event import EventKind, EventReport
+from fleet.model.schedule import ScheduleAnswer, ScheduleAsked
+from fleet.model.state import RobotState
+from fleet.runtime.decoding import decode_json
+from fleet.schedules.runner import Begun, Schedules, Starter, Wanted
+from fleet.schedules.store import Store
+
+log = logging.getLogger(__name__)
+
+WAITING = 100  # events that may wait for the schedules; more are told and dropped
+SERVED_WITHIN = 5.0  # s for schedules to be served, when the edge has just begun
+Told = Callable[[str, EventReport], None]
+
+
+class NoMissions:
+    """In the place of what starts missions, where nothing does."""
+
+    async def start(self, wanted: Wanted) -> Begun:  # noqa: ARG002 - the protocol's
+        """Refuse."""
+        return Begun(refusal="this edge carries out no missions")
+
+    async def known(self, key: str) -> str:  # noqa: ARG002 - the protocol's
+        """Know none."""
+        return ""
+
+
+class EdgeSchedules:
+    """What fires by itself on one edge. ``states`` are those of its robots, ``record`` writes its history.
+
+    ``starter`` starts missions; it is set before ``run``. Without schedules it does nothing.
+    """
+
+    def __init__(
+        self,
+        config: Sections,
+        folder: Path,
+        *,
+        states: Callable[[], Iterable[RobotState]],
+        record: Told,
+        clock: Clock,
+    ) -> None:
+        self.starter: Starter = NoMissions()
+        self._config = config.schedules
+        self._folder, self._states, self._record, self._clock = folder, states, record, clock
+        self._loop = asyncio.get_running_loop()
+        self._schedules: Schedules | None = None
+        self._problem = ""
+        self._served = asyncio.Event()  # or known to be a problem
+        self._events: asyncio.Queue[tuple[str, EventReport]] = asyncio.Queue(WAITING)
+        self._listens = {one.on_event.kind for one in self._config.values() if one.on_event is not None}
+
+    @property
+    def problem(self) -> str:
+        """Why nothing can be fired; empty while it can."""
+        return self._problem or (self._schedules.problem if self._schedules else "")
+
+    async def run(self) -> None:
+        """Fire what is due until cancelled."""
+        if not self._config:
+            return
+        try:
+            store = await asyncio.to_thread(Store, self._folder)
+        except StateError as error:
+            self._problem = f"no schedule fires: {error}"
+            log.error("%s", self._problem)  # noqa: TRY400 - one line for a person
+            self._served.set()
+            return
+        self._schedules = Schedules(
+            self._config,
+            store,
+            self.starter,
+            clock=self._clock,
+            tell=lambda event: self._record("", event),
+            stopped=self._stopped,
+        )
+        try:
+            await self._schedules.begin()
+            self._served.set()
+            async with asyncio.TaskGroup() as group:
+                group.create_task(self._schedules.run())
+                group.create_task(self._hear(self._schedules))
+        finally:
+            store.close()
+
+    def before(self, told: Told) -> Told:
+        """Return what hears of each event of the history, from any thread, and then tells ``told``."""
+
+        @never_raises
+        def hear(robot: str, event: EventReport) -> None:
+            if event.kind in self._listens:
+                self._loop.call_soon_threadsafe(self._take, robot, event)
+
+        def both(robot: str, event: EventReport) -> None:
+            hear(robot, event)
+            told(robot, event)
+
+        return both
+
+    def asked(self, question: Query) -> None:
+        """Take a question of the bus, on its thread."""
+        asyncio.run_coroutine_threadsafe(self._answer(question), self._loop)
+
+    def _take(self, robot: str, event: EventReport) -> None:
+        """Have an event wait for its turn."""
+        try:
+            self._events.put_nowait((robot, event))
+        except asyncio.QueueFull:
+            why = f"an event of {robot} fired no schedule: too many wait"
+            self._record("", EventReport(self._clock.time(), EventKind.SCHEDULE, why))
+
+    async def _hear(self, schedules: Schedules) -> None:
+        """Bring events to the schedules that wait for them."""
+        while True:
+            await schedules.heard(*await self._events.get())
+
+    def _stopped(self) -> dict[str, str]:
+        """Return whose emergency stop is set, and why."""
+        return {
+            state.name: f"its emergency stop is set: {state.stop_cause}".removesuffix(": ")
+            for state in self._states()
+            if state.emergency_stop
+        }
+
+    async def _answer(self, question: Query) -> None:
+        """Answer a question; each has exactly one answer."""
+        try:
+            answer = await self._answered(decode_json(question.payload, ScheduleAsked))
+        except (msgspec.DecodeError, StateError) as error:
+            answer = ScheduleAnswer(refusal=str(error))
+        except Exception as error:
+            log.exception("a question for the schedules was not answered")
+            answer = ScheduleAnswer(refusal=f"{type(error).__name__}: {error}")
+        question.reply(msgspec.json.encode(answer))
+        question.close()
+
+    async def _answered(self, asked: ScheduleAsked) -> ScheduleAnswer:
+        """Do what is asked; raises StateError."""
+        if not self._config and asked.do == "list":
+            return ScheduleAnswer()
+        if asked.do != "list" and asked.name not in self._config:
+            known = ", ".join(sorted(self._config)) or "none"
+            return ScheduleAnswer(refusal=f"there is no schedule {asked.name!r}; there are: {known}")
+        async with asyncio.timeout(SERVED_WITHIN):
+            await self._served.wait()
+        schedules = self._schedules
+        if schedules is None:
+            return ScheduleAnswer(refusal=self._problem)
+        if asked.do == "run":
+            firing = await schedules.start_now(asked.name, by=asked.by)
+            if not firing.run:
+                return ScheduleAnswer(refusal=firing.reason or "it waits: another run is in its way")
+        elif asked.do != "list":
+            await schedules.enable(asked.name, enabled=asked.do == "enable", by=asked.by)
+        return ScheduleAnswer(tuple(await schedules.states()))

@@ -1,0 +1,1 @@
+"""When missions start by themselves: triggers, what was fired, and what starts them."""

@@ -1,0 +1,323 @@
+"""Starts missions when they are due, and tells of every firing what became of it.
+
+A firing is on disk before it is started, and each start has a key by which who starts missions knows it
+again. So a process that dies anywhere in between loses none and doubles none: what was left open is asked
+for by its key, then started, or skipped, when the process is there again. Runs on the event loop; the disk
+is waited for on a thread.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+import math
+from collections.abc import Callable, Mapping
+from functools import partial
+from typing import Any, Protocol, TypeVar
+
+import msgspec
+
+from fleet.clock import Clock
+from fleet.errors import StateError
+from fleet.model.event import EventKind, EventReport, Severity
+from fleet.model.schedule import Firing, ScheduleState
+from fleet.schedules.model import ScheduleConfig, due_of
+from fleet.schedules.plan import MOST, look
+from fleet.schedules.store import SKIPPED, STARTED, Store
+from fleet.schedules.triggers import firings
+
+log = logging.getLogger(__name__)
+
+EVERY = 1.0  # s between looks at what is due: the clock may be set, so nothing sleeps until then
+START_WITHIN = 60.0  # s
+RECENT = 3  # firings that are shown
+T = TypeVar("T")
+
+
+class Wanted(msgspec.Struct, frozen=True):
+    """A mission that is to be started, with fleet.yaml's authority, for a firing.
+
+    ``key``: a start with the same key is the same start. ``replace``: what is in the way is ended first.
+    ``without``: robots that take no part, and why: their emergency stop is set.
+    """
+
+    schedule: str
+    mission: str
+    inputs: Mapping[str, Any]
+    key: str
+    replace: bool
+    without: Mapping[str, str]
+
+
+class Begun(msgspec.Struct, frozen=True):
+    """What came of it: the ``run`` that was started; or who is ``busy``, or why it was refused.
+
+    ``left_out`` are robots of the mission's that take no part in the run, and why.
+    """
+
+    run: str = ""
+    busy: str = ""
+    refusal: str = ""
+    left_out: Mapping[str, str] = {}
+
+
+class Starter(Protocol):
+    """What starts missions."""
+
+    async def start(self, wanted: Wanted) -> Begun:
+        """Start a mission, or say why not; its key is on disk with the run before it returns."""
+
+    async def known(self, key: str) -> str:
+        """Return the run that was started with a key, empty where there is none."""
+
+
+class Schedules:
+    """The schedules of an edge. ``stopped`` tells whose emergency stop is set, and why; ``tell`` an event."""
+
+    def __init__(
+        self,
+        configs: Mapping[str, ScheduleConfig],
+        store: Store,
+        starter: Starter,
+        *,
+        clock: Clock,
+        tell: Callable[[EventReport], None],
+        stopped: Callable[[], Mapping[str, str]],
+    ) -> None:
+        self._configs = dict(configs)
+        self._store, self._starter, self._clock = store, starter, clock
+        self._tell, self._stopped = tell, stopped
+        self._enabled = {name: one.enabled for name, one in self._configs.items()}
+        self._seen: dict[str, float] = {}
+        self._next: dict[str, float] = {}  # before which nothing is due
+        self._waiting: dict[str, Firing] = {}  # recorded, and not started or skipped yet
+        self._lock = asyncio.Lock()
+        self.problem = ""
+
+    async def run(self) -> None:
+        """Look again and again what is due, until cancelled; after ``begin``."""
+        while True:
+            await self.turn()
+            await asyncio.sleep(EVERY)
+
+    async def begin(self) -> None:
+        """Take up what an earlier process left, before anything else is started."""
+        async with self._lock:
+            if not await self._kept(self._read):
+                return
+            for firing in await asyncio.to_thread(self._store.open):
+                config = self._configs.get(firing.schedule)
+                run = await self._starter.known(firing.key)
+                if run:
+                    await self._started(firing, run, "it was started before the edge ended")
+                elif config is None:
+                    await self._skipped(firing, "the schedule is gone")
+                else:  # one that is made up for is as fresh as this process
+                    now = self._clock.time() if config.missed == "once" else firing.recorded
+                    self._waiting[firing.schedule] = msgspec.structs.replace(firing, recorded=now)
+
+    def _read(self) -> bool:
+        """Read what is known of the schedules; on a thread."""
+        now = self._clock.time()
+        if self._store.set_aside is not None:
+            self._event("", "what schedules fired before is lost: its file was damaged", Severity.ERROR)
+        for name, config in self._configs.items():
+            self._seen[name] = self._store.seen(name, config.digest(), now)
+        by_hand = self._store.enabled()
+        self._enabled |= {name: on for name, on in by_hand.items() if name in self._configs}
+        return True
+
+    async def turn(self) -> None:
+        """Record what is due by now, and start it."""
+        async with self._lock:
+            if not self._seen.keys() >= self._configs.keys() and not await self._kept(self._read):
+                return
+            for name in self._configs:
+                await self._look(name)
+            for firing in list(self._waiting.values()):
+                await self._try(firing)
+
+    async def heard(self, robot: str, event: EventReport) -> None:
+        """Take an event of the history; it fires the schedules that wait for it."""
+        for name in due_of(self._configs, event.kind, robot):
+            async with self._lock:
+                if self._enabled[name]:
+                    why = f"{robot}: {event.text}"
+                    await self._record(name, [Firing(name, event.stamp)], self._clock.time(), why)
+            await self.turn()
+
+    async def start_now(self, name: str, *, by: str) -> Firing:
+        """Fire a schedule by hand, whether it is enabled or not; return what became of it."""
+        async with self._lock:
+            firing = Firing(name, self._clock.time())
+            await self._record(name, [firing], firing.due, f"by {by}")
+            waiting = self._waiting.get(name)
+            if waiting is not None and waiting.due == firing.due:
+                await self._try(waiting)
+        (last,) = await asyncio.to_thread(self._store.last, name)
+        return last
+
+    async def enable(self, name: str, *, enabled: bool, by: str) -> None:
+        """Switch a schedule on or off, until it is switched again; raises StateError."""
+        async with self._lock:
+            now = self._clock.time()
+            await asyncio.to_thread(self._store.enable, name, now, enabled=enabled)
+            self._seen[name] = max(self._seen.get(name, now), now)
+            self._next.pop(name, None)
+            self._enabled[name] = enabled
+            self._event(name, f"{'enabled' if enabled else 'disabled'} by {by}")
+
+    async def states(self) -> list[ScheduleState]:
+        """Return all schedules, by name; raises StateError."""
+        last = {name: await asyncio.to_thread(self._store.last, name, RECENT) for name in self._configs}
+        return [self._state(name, tuple(last[name])) for name in sorted(self._configs)]
+
+    def _state(self, name: str, last: tuple[Firing, ...]) -> ScheduleState:
+        """Return one schedule."""
+        config, waiting = self._configs[name], self._waiting.get(name)
+        enabled = self._enabled[name]
+        return ScheduleState(
+            name,
+            config.mission,
+            trigger_text(config),
+            enabled,
+            next_of(config, self._clock.time()) if enabled else None,
+            waiting.due if waiting else None,
+            last,
+        )
+
+    # -- firings ---------------------------------------------------------------------------------------
+
+    async def _look(self, name: str) -> None:
+        """Record what came due of one schedule since the last look."""
+        config, now, seen = self._configs[name], self._clock.time(), self._seen[name]
+        if (
+            config.trigger is None
+            or not self._enabled[name]
+            or now <= seen
+            or now < self._next.get(name, 0.0)
+        ):
+            return
+        once = config.missed == "once"
+        found = await asyncio.to_thread(look, config.trigger, seen, now, late=config.late, once=once)
+        ahead = await asyncio.to_thread(next_of, config, now)
+        self._next[name] = math.inf if ahead is None else ahead
+        new = [Firing(name, at, SKIPPED, why) for at, why in found.skipped]
+        if found.missed:
+            new.insert(0, Firing(name, found.first_missed, SKIPPED, _missed(found.missed)))
+        if found.due is not None:
+            new.append(Firing(name, found.due))
+        if new:
+            await self._record(name, new, now)
+
+    async def _record(self, name: str, new: list[Firing], now: float, why: str = "") -> None:
+        """Write firings on disk; those to be started wait from then on, in the place of an older one."""
+        new = [msgspec.structs.replace(firing, recorded=now) for firing in new]
+        kept = await self._kept(partial(self._store.record, name, new, now))
+        if kept is None:
+            for firing in new:
+                self._tell_skipped(firing, f"it cannot be recorded: {self.problem}")
+            self._seen[name] = now
+            return
+        self._seen[name] = now
+        for firing in kept:
+            if firing.state == SKIPPED:
+                self._tell_skipped(firing, firing.reason)
+                continue
+            before = self._waiting.pop(name, None)
+            if before is not None:
+                await self._skipped(before, "a later one was due as well")
+            self._waiting[name] = firing
+            if why:
+                self._event(name, f"fired: {why}")
+
+    async def _try(self, firing: Firing) -> None:
+        """Start a firing, unless it is too late by now."""
+        config = self._configs[firing.schedule]
+        behind = self._clock.time() - (firing.recorded if config.missed == "once" else firing.due)
+        if behind > config.late:
+            await self._skipped(
+                firing, f"it was due {behind:.0f} s ago, and may be started for {config.late:g} s"
+            )
+            return
+        without = dict(self._stopped())
+        wanted = Wanted(
+            firing.schedule, config.mission, config.inputs, firing.key, config.busy == "replace", without
+        )
+        begun = await self._begun(wanted)
+        if begun.run:
+            left_out = "; ".join(f"{robot} left out: {why}" for robot, why in begun.left_out.items())
+            await self._started(firing, begun.run, left_out)
+        elif begun.refusal or config.busy != "queue":
+            await self._skipped(firing, begun.refusal or f"{begun.busy or 'another run'} is in its way")
+
+    async def _begun(self, wanted: Wanted) -> Begun:
+        """Start a mission; one that fails on the way may have been started all the same: its key tells."""
+        try:
+            async with asyncio.timeout(START_WITHIN):
+                return await self._starter.start(wanted)
+        except Exception as error:
+            log.exception("%s could not be started", wanted.schedule)
+            run = await self._starter.known(wanted.key)
+            return Begun(run, refusal="" if run else f"it failed: {type(error).__name__}: {error}")
+
+    async def _started(self, firing: Firing, run: str, why: str) -> None:
+        """Note that a firing was started."""
+        self._waiting.pop(firing.schedule, None)
+        await self._end(msgspec.structs.replace(firing, state=STARTED, run=run))
+        self._event(firing.schedule, f"started as {run}" + f"; {why}" * bool(why), run=run, due=firing.due)
+
+    async def _skipped(self, firing: Firing, why: str) -> None:
+        """Note that a firing is not started."""
+        if self._waiting.get(firing.schedule) == firing:
+            del self._waiting[firing.schedule]
+        await self._end(msgspec.structs.replace(firing, state=SKIPPED, reason=why))
+        self._tell_skipped(firing, why)
+
+    async def _end(self, firing: Firing) -> None:
+        """Write what became of a firing; where that fails it is asked for by its key after a restart."""
+        await self._kept(partial(self._store.end, firing))
+
+    async def _kept(self, work: Callable[[], T]) -> T | None:
+        """Do something with the disk, on a thread; None where it fails, which is the ``problem``."""
+        try:
+            done = await asyncio.to_thread(work)
+        except StateError as error:
+            self.problem = str(error)
+            log.error("schedules: %s", error)  # noqa: TRY400 - one line for a person
+            return None
+        self.problem = ""
+        return done
+
+    def _tell_skipped(self, firing: Firing, why: str) -> None:
+        """Tell that a firing is not started."""
+        self._event(firing.schedule, f"skipped: {why}", Severity.WARNING, due=firing.due)
+
+    def _event(self, name: str, text: str, severity: Severity = Severity.INFO, **data: object) -> None:
+        """Tell an event of a schedule."""
+        told = f"schedule {name}: {text}" if name else text
+        fields = {"schedule": name, **data}
+        self._tell(EventReport(self._clock.time(), EventKind.SCHEDULE, told, severity, data=fields))
+
+
+def next_of(config: ScheduleConfig, now: float) -> float | None:
+    """Return when a schedule fires next (Unix s), None where no time says so."""
+    return None if config.trigger is None else next(firings(config.trigger, now), None)
+
+
+def trigger_text(config: ScheduleConfig) -> str:
+    """Return when a schedule fires, as it is written."""
+    if config.on_event is not None:
+        of = f" of {', '.join(config.on_event.robots)}" if config.on_event.robots else ""
+        return f"on {config.on_event.kind.value}{of}"
+    if config.every is not None:
+        return f"every {config.every:g} s"
+    return f"{config.cron or config.once}" + f" {config.timezone}" * bool(config.timezone)
+
+
+def _missed(number: int) -> str:
+    """Return how many firings were missed, in words."""
+    many = f"{number} or more firings" if number >= MOST else f"{number} firings" if number > 1 else "it"
+    return (
+        f"{many} came due while nothing could be started, and {'is' if number == 1 else 'are'} too late now"
+    )
