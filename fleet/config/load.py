@@ -118,24 +118,12 @@ def _load(file: pathlib.Path, environ: Mapping[str, str], partial: bool, registr
     context = {"folder": file.parent}
     sections = _sections(document, context)
     robots = _robots(document, registry, context)
-    identities = {index: robot.identity for index, robot in robots.items() if robot.identity}
-    check_robots(data.get("robots"), identities, document)
-    check_groups(data, document)
-    check_stop_inputs(data, document)
-    if sections is not None:
-        check_bus(sections.bus, document)
-        check_workers(sections, document)
-    configs = {index: robot.config for index, robot in robots.items()}
-    check_followers(configs, document)
-    warn_of_batteries(configs, document)
-    warn_of_drop_ins({index: made.config for index, made in robots.items() if made.plugin.file}, document)
-    at_home = [index for index, robot in robots.items() if getattr(robot.plugin.adapter, "tells_home", False)]
-    has_site = sections is not None and sections.site.origin is not None
-    warn_of_places(configs, at_home, has_site=has_site, document=document)
+    _check_together(document, sections, robots)
+    _warn(document, sections, robots)
     problems = tuple(sorted(set(document.problems), key=_place_in_file))
     runnable = _runnable(robots, problems)
-    fatal = not runnable or _is_fatal(problems)
-    if sections is None or (problems and (fatal or not partial)):
+    fatal = not runnable or _is_fatal(problems) or not partial
+    if sections is None or (problems and fatal):
         raise InvalidConfig(problems)
     config = FleetConfig(
         **{
@@ -146,6 +134,28 @@ def _load(file: pathlib.Path, environ: Mapping[str, str], partial: bool, registr
     )
     given = {made.config.name: made.given for made in robots.values()}
     return Loaded(config, registry, runnable, file.parent, given, problems, tuple(document.warnings))
+
+
+def _check_together(document: Document, sections: Sections | None, robots: Mapping[int, _Made]) -> None:
+    """Report what is wrong between the parts of a fleet file, each of which is right by itself."""
+    identities = {index: robot.identity for index, robot in robots.items() if robot.identity}
+    check_robots(document.data.get("robots"), identities, document)
+    check_groups(document.data, document)
+    check_stop_inputs(document.data, document)
+    if sections is not None:
+        check_bus(sections.bus, document)
+        check_workers(sections, document)
+    check_followers({index: robot.config for index, robot in robots.items()}, document)
+
+
+def _warn(document: Document, sections: Sections | None, robots: Mapping[int, _Made]) -> None:
+    """Warn of what a person should look at, though it can run."""
+    configs = {index: robot.config for index, robot in robots.items()}
+    warn_of_batteries(configs, document)
+    warn_of_drop_ins({index: made.config for index, made in robots.items() if made.plugin.file}, document)
+    at_home = [index for index, robot in robots.items() if getattr(robot.plugin.adapter, "tells_home", False)]
+    has_site = sections is not None and sections.site.origin is not None
+    warn_of_places(configs, at_home, has_site=has_site, document=document)
 
 
 def sections_of(path: str | os.PathLike[str], environ: Mapping[str, str] | None = None) -> Sections:
