@@ -23,22 +23,18 @@ from fleet.model.report import Report
 from fleet.runtime.rate_limited_counter import RateLimitedCounter
 from fleet.wire.databus import decode_report, unread_fields
 from fleet.wire.documents import document_out
-from fleet.wire.encoding import encode_all
 from fleet.wire.events import TOLD_TO_THE_CLOUD, is_of_the_fleet, unproven
 from fleet.wire.parts import ends_every_stream, part_of
-from fleet.wire.reports import Message, messages_of, to_mqtt
-from fleet.wire.rules import TopicRule, TrafficClass
+from fleet.wire.reports import to_mqtt
+from fleet.wire.rules import TopicRule
 from fleet.wire.topics import Topics, data_key, parse_data_key
 
 log = logging.getLogger(__name__)
 
-STEP = 8  # samples in one step of a turn: together they cost less than by themselves
+STEP = 8  # samples in one step of a turn
 LOOKS = 100  # looks for what must be repeated in one step
 STRANGERS = 10_000  # keys that are remembered as not ours; anybody on the bus can invent more
 TELL_EVERY = 10.0  # s between warnings of dropped events
-
-Sample = tuple[OutboundChannel, Report | bytes]
-"""What crosses: a slot, and what was its newest when it was taken from there."""
 
 OpenWay = Callable[[str, TopicRule], Way]
 """Opens the way to a topic by its rule, once."""
@@ -49,9 +45,6 @@ class Client(Protocol):
 
     def queue(self, way: Way, payload: bytes) -> None:
         """Take one."""
-
-    def queue_all(self, ways: Sequence[Way], payloads: Sequence[bytes]) -> None:
-        """Take some."""
 
 
 class Uplink:
@@ -154,17 +147,15 @@ class Uplink:
         What is small and due crosses there and then, while it is at hand.
         """
         now, held_up, backlog = self._clock.monotonic(), self._held_up, self._backlog
-        going, counts = [], self.received.counts
         for slot, report in batch:
             waits = slot.fresh or held_up or (slot.streams and backlog >= slot.backlog)
             if slot.at_once and now >= slot.due and not waits:
-                counts[slot.traffic] += 1
+                self.received.counts[slot.traffic] += 1
                 slot.sample = report
                 slot.goes(now)
-                going.append((slot, report))
+                self._send_walled(slot, report)
             else:
                 self._take(slot, report)
-        self._send_all(going)
 
     def _take(self, slot: OutboundChannel, sample: Report | bytes) -> None:
         """Take a sample: an event crosses at once, of a state the newest is kept for the turn."""
@@ -236,19 +227,12 @@ class Uplink:
 
     def _send_newest(self, now: float) -> Iterator[None]:
         """Send the newest of each state that is due; a stream only while the way is free."""
-        step: list[Sample] = []
         for number in range(1, len(self._fresh) + 1):
             slot = self._fresh.popleft()
-            goes = self._may_go(slot, now)
-            if goes and not slot.heavy:
-                step.append((slot, slot.sample))
+            if self._may_go(slot, now):
+                self._send_walled(slot, slot.sample)
             if slot.heavy or not number % STEP:
-                self._send_all(step)
-                step = []  # nothing is held while others have their turn
-                if goes and slot.heavy:
-                    self._send_walled(slot, slot.sample)
                 yield
-        self._send_all(step)
 
     def _may_go(self, slot: OutboundChannel, now: float) -> bool:
         """Tell whether a slot's newest sample goes now; else it stays for a later turn, or is dropped."""
@@ -280,47 +264,6 @@ class Uplink:
                 yield
             elif not number % LOOKS:
                 yield
-
-    def _send_all(self, step: Sequence[Sample]) -> None:
-        """Send some samples: in one go, unless one of them needs a closer look."""
-        if self.held:
-            step = [(slot, sample) for slot, sample in step if slot.twin not in self.held]
-        if not step:
-            return
-        messages = self._together(step)
-        if messages is None:
-            for slot, sample in step:
-                self._send_walled(slot, sample)
-            return
-        ways, payloads = messages
-        if ways:
-            self._client.queue_all(ways, payloads)
-
-    def _together(self, step: Sequence[Sample]) -> tuple[list[Way], list[bytes]] | None:
-        """Return what some samples become; None when one of them has to be looked at by itself."""
-        ways: list[Way] = []
-        made: list[Message] = []
-        states = 0
-        try:
-            for slot, sample in step:
-                report = decode_report(slot.channel, sample) if isinstance(sample, bytes) else sample
-                suffixes = messages_of(report, slot.by, slot.off)
-                if not slot.streams:
-                    states += len(suffixes)
-                slot.refused = False
-                for suffix, message in suffixes:
-                    ways.append(slot.ways[suffix])
-                    made.append(message)
-        except Exception:  # noqa: BLE001 - whose it is, and why, is found one by one; new ways are opened then
-            return None
-        payloads = encode_all(made)
-        if payloads is None:
-            return None
-        if payloads and max(map(len, payloads)) > min([slot.size for slot, _ in step]):
-            return None
-        self.sent.counts[TrafficClass.LATEST] += states
-        self.sent.counts[TrafficClass.STREAM] += len(made) - states
-        return ways, payloads
 
     def _send_walled(self, slot: OutboundChannel, sample: Report | bytes) -> None:
         """Send a sample; whatever is wrong with it keeps no other from being sent."""

@@ -11,8 +11,7 @@ import contextlib
 import logging
 import socket
 import threading
-from collections.abc import Callable, Mapping, Sequence
-from typing import cast
+from collections.abc import Callable, Mapping
 
 import msgspec
 
@@ -22,7 +21,7 @@ from fleet.cloud.fallback_reader import FallbackReader
 from fleet.cloud.mqtt_connection import TRY_TLS, MqttConnection
 from fleet.cloud.mqtt_session import MqttSession, SessionRefused
 from fleet.cloud.outbound_queue import OutboundQueue
-from fleet.cloud.publish import PublishRoute
+from fleet.cloud.publish import PublishRoute, publish_route
 from fleet.cloud.reconnect_backoff import Backoff
 from fleet.cloud.topics import check_apart, check_topic
 from fleet.cloud.values import CloudMessage, CloudSettings, CloudState, CloudStats
@@ -142,8 +141,7 @@ class CloudClient:
             message = Outgoing(check_topic(topic), payload, qos, traffic, expiry, correlation, content_type)
             taken = self.spool.put(message)
         else:
-            where = self._outbox.address(topic, expiry, self._settings.protocol)
-            taken = self._outbox.put_light([where], [payload])
+            taken = self._outbox.put_light(publish_route(topic, expiry), payload)
         if later:
             self._queued = True
         elif taken:
@@ -156,7 +154,7 @@ class CloudClient:
         Raises ValueError for a topic with wildcards.
         """
         if not qos:
-            return self._outbox.address(topic, expiry, self._settings.protocol)
+            return publish_route(topic, expiry)
         return DurableRoute(check_topic(topic), qos, traffic, expiry)
 
     def queue(self, way: Way, payload: bytes) -> None:
@@ -165,15 +163,7 @@ class CloudClient:
             self.spool.put(Outgoing(way.topic, payload, way.qos, way.traffic, way.expiry))
             self._queued = True  # last: another thread's flush in between must not take the mark away
         else:
-            self._outbox.put_light([way], [payload])
-
-    def queue_all(self, ways: Sequence[Way], payloads: Sequence[bytes]) -> None:
-        """Do the same for each way and its payload, in one go where all are of QoS 0."""
-        if DurableRoute not in map(type, ways):
-            self._outbox.put_light(cast("Sequence[PublishRoute]", ways), payloads)
-            return
-        for way, payload in zip(ways, payloads, strict=True):
-            self.queue(way, payload)
+            self._outbox.put_light(way, payload)
 
     def flush_queued(self) -> None:
         """Flush, if something was queued since; from another thread that costs more than a message."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from typing import Any
 
 import msgspec
@@ -31,15 +31,6 @@ def encode_finite(value: Any) -> bytes:
     except UNSAYABLE as error:
         raise WireError(f"cannot be sent as JSON: {error}") from None
     return encoded
-
-
-def encode_all(values: Sequence[Any]) -> list[bytes] | None:
-    """Return values as JSON, in one go; None when one of them has to be looked at by ``encode_finite``."""
-    try:
-        encoded = list(map(_encode, values))
-    except UNSAYABLE:
-        return None
-    return None if b"".join(encoded).find(b"null") >= 0 else encoded
 
 
 def _not_finite(value: Any, where: str) -> Iterator[str]:
