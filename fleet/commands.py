@@ -116,7 +116,7 @@ def commands_of(owner: type) -> Mapping[str, CommandSpec]:
     return found
 
 
-def _parameters_of(method: Callable[..., Any]) -> type[msgspec.Struct]:
+def _parameters_of(method: Callable[..., object]) -> type[msgspec.Struct]:
     """Make the strict type of a method's keyword parameters."""
     hints = typing.get_type_hints(method)
     fields: list[Any] = []
@@ -141,7 +141,7 @@ def _ranges_of(method: Callable[..., Any]) -> dict[str, Range]:
     return found
 
 
-def arguments(spec: CommandSpec, data: Mapping[str, Any]) -> dict[str, Any]:
+def arguments(spec: CommandSpec, data: Mapping[str, object]) -> dict[str, object]:
     """Return the keyword arguments for a command, checked strictly.
 
     A safe command without parameters ignores its data, so that nothing can keep a landing from happening,
@@ -174,7 +174,7 @@ def _hint(spec: CommandSpec, key: str) -> str:
     return f"it takes {', '.join(said) or 'no data'}"
 
 
-def _require_within(spec: CommandSpec, name: str, value: Any) -> None:
+def _require_within(spec: CommandSpec, name: str, value: object) -> None:
     """Refuse a number, or a list with one, that is not finite or not within its range."""
     for each in value if isinstance(value, list) else (value,):
         if isinstance(each, bool) or not isinstance(each, int | float):

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import pathlib
-from typing import Any
 
 import click
 import msgspec
@@ -69,9 +68,9 @@ def _description(plugin: Plugin) -> AdapterDescription | None:
     return plugin.description
 
 
-def _described(plugin: Plugin) -> dict[str, Any]:
+def _described(plugin: Plugin) -> dict[str, object]:
     """Return everything about a plugin, for programs."""
-    about: dict[str, Any] = {
+    about: dict[str, object] = {
         "name": plugin.name,
         "state": plugin.state,
         "origin": plugin.origin,

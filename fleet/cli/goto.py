@@ -6,7 +6,6 @@ import itertools
 import uuid
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
 import click
 import msgspec
@@ -103,7 +102,7 @@ def goto(
     *way, (x, y, *z) = route.places
     aim = GotoTarget(x, y, z[0] if z else None, frame, yaw, speed, spacing, tuple(way))
 
-    def messages(robots: list[RobotState]) -> list[dict[str, Any]]:
+    def messages(robots: list[RobotState]) -> list[dict[str, object]]:
         made = goals(aim, robots)
         for state in robots:
             if state.separation:
@@ -121,7 +120,7 @@ def _said(places: tuple[str, ...]) -> Waypoints:
         raise click.UsageError(error.reason) from None
 
 
-def goals(aim: GotoTarget, robots: list[RobotState]) -> list[dict[str, Any]]:
+def goals(aim: GotoTarget, robots: list[RobotState]) -> list[dict[str, object]]:
     """Return each robot's message; raises Refused for one point for several, and without a common frame."""
     _require_one_frame(aim, robots)
     if len(robots) == 1:
@@ -171,9 +170,9 @@ def _is_one(one: Placement | None, other: Placement | None) -> bool:
     return (one.origin - other.origin).norm() <= ONE_FRAME and abs(one.yaw - other.yaw) <= ONE_FRAME
 
 
-def _message(aim: GotoTarget, robot: RobotState, step: Vector3) -> dict[str, Any]:
+def _message(aim: GotoTarget, robot: RobotState, step: Vector3) -> dict[str, object]:
     """Return the message that sends a robot to the place, ``step`` beside it, or along its path."""
-    message: dict[str, Any] = {"command": "goto", "action_id": uuid.uuid4().hex}
+    message: dict[str, object] = {"command": "goto", "action_id": uuid.uuid4().hex}
     yaw = aim.yaw
     if yaw is not None and aim.frame == "site" and robot.placement is not None:
         yaw -= robot.placement.yaw
@@ -189,7 +188,7 @@ def _message(aim: GotoTarget, robot: RobotState, step: Vector3) -> dict[str, Any
     return message
 
 
-def _place(frame: str, place: Sequence[float], robot: RobotState, step: Vector3) -> dict[str, Any]:
+def _place(frame: str, place: Sequence[float], robot: RobotState, step: Vector3) -> dict[str, object]:
     """Return one place in the words of the message; a height that is not given is not said."""
     if frame == "geo":
         point = geo_from_world(GeoOrigin(place[0], place[1]), step)

@@ -175,7 +175,7 @@ def sections_of(path: str | os.PathLike[str], environ: Mapping[str, str] | None 
     return sections
 
 
-def _sections(document: Document, context: Mapping[str, Any]) -> Sections | None:
+def _sections(document: Document, context: Mapping[str, object]) -> Sections | None:
     """Return all but the robots; None after reporting what is wrong."""
     known = {key: value for key, value in document.data.items() if not key.startswith("x-")}
     return validated(_Outline, known, (), document, context)
@@ -219,7 +219,7 @@ def _is_mapping(document: Document) -> bool:
     return False
 
 
-def _folders(data: Mapping[str, Any], folder: pathlib.Path) -> Iterable[pathlib.Path]:
+def _folders(data: Mapping[str, object], folder: pathlib.Path) -> Iterable[pathlib.Path]:
     """Return the drop-in folders that exist; the others are told when the sections are checked."""
     named = data.get("plugins")
     for name in named if isinstance(named, list) else ():
@@ -227,7 +227,7 @@ def _folders(data: Mapping[str, Any], folder: pathlib.Path) -> Iterable[pathlib.
             yield folder / name
 
 
-def _robots(document: Document, registry: Registry, context: Mapping[str, Any]) -> dict[int, _Made]:
+def _robots(document: Document, registry: Registry, context: Mapping[str, object]) -> dict[int, _Made]:
     """Return the robots that could be made, by their place in the list."""
     listed = document.data.get("robots")
     made = {}
@@ -239,7 +239,7 @@ def _robots(document: Document, registry: Registry, context: Mapping[str, Any]) 
 
 
 def _robot(
-    robot: Any, at: Path, document: Document, registry: Registry, context: Mapping[str, Any]
+    robot: object, at: Path, document: Document, registry: Registry, context: Mapping[str, object]
 ) -> _Made | None:
     """Check one robot by its adapter's Config; None after reporting why it cannot be made."""
     if at in document.spoiled:
@@ -272,7 +272,7 @@ def _dropped_in(plugin: Plugin, found: tuple[DropInConfig, CheckedConfig] | None
     return _Made(config, plugin, identity, said.given)
 
 
-def _plugin(robot: Any, at: Path, document: Document, registry: Registry) -> Plugin | None:
+def _plugin(robot: object, at: Path, document: Document, registry: Registry) -> Plugin | None:
     """Return the plugin that a robot names; None after reporting why there is none."""
     path = (*at, "adapter")
     if not isinstance(robot, dict) or path in document.spoiled:
@@ -292,7 +292,7 @@ def _plugin(robot: Any, at: Path, document: Document, registry: Registry) -> Plu
     return plugin
 
 
-def _report_no_adapter(robot: Mapping[str, Any], at: Path, document: Document, hint: str) -> None:
+def _report_no_adapter(robot: Mapping[str, object], at: Path, document: Document, hint: str) -> None:
     """Report that a robot names no adapter, at the key that was perhaps meant to."""
     near = difflib.get_close_matches("adapter", robot, n=1)
     if near:
@@ -301,7 +301,7 @@ def _report_no_adapter(robot: Mapping[str, Any], at: Path, document: Document, h
         document.report(document.marks[at], "the key 'adapter' is missing", hint)
 
 
-def _with_defaults(robot: Any, at: Path, document: Document) -> Any:
+def _with_defaults(robot: object, at: Path, document: Document) -> object:
     """Return a robot with the defaults under it, places included."""
     defaults = document.data.get("defaults")
     if not isinstance(defaults, dict) or not isinstance(robot, dict):
@@ -310,7 +310,7 @@ def _with_defaults(robot: Any, at: Path, document: Document) -> Any:
     return _merged(under, robot, ("defaults",), at, document)
 
 
-def _merged(under: Any, over: Any, under_at: Path, over_at: Path, document: Document) -> Any:
+def _merged(under: object, over: object, under_at: Path, over_at: Path, document: Document) -> object:
     """Merge mappings key by key; anything else of ``over`` wins."""
     if not (isinstance(under, dict) and isinstance(over, dict)):
         return over

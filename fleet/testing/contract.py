@@ -53,7 +53,7 @@ class AdapterContract:
     config: ClassVar[Mapping[str, Any]]
     leaves_halt: ClassVar[bool] = False  # its ``run`` calls ``robot.leave_halt``
 
-    def make_config(self, **changes: Any) -> AdapterConfig:
+    def make_config(self, **changes: object) -> AdapterConfig:
         """Return the example config with changes."""
         basics = {"name": "robot", "twin": "6f0c9a1e-3a6c-4f5e-9d2e-0c5a4b3d2e1f"}
         return self.adapter.Config.model_validate(basics | dict(self.config) | changes)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from types import MappingProxyType
-from typing import Any, get_args
+from typing import get_args
 
 import msgspec
 
@@ -14,7 +14,7 @@ from fleet.runtime.decoding import msgpack_decoder
 from fleet.wire.encoding import UNSAYABLE
 
 _PACK = msgspec.msgpack.Encoder().encode
-_CHECKS: Mapping[type[Any], msgspec.msgpack.Decoder[Any]] = MappingProxyType(
+_CHECKS: Mapping[type[object], msgspec.msgpack.Decoder[object]] = MappingProxyType(
     {kind: msgpack_decoder(kind) for kind in get_args(Report)}
 )
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from typing import Any
 
 import msgspec
 
@@ -16,7 +15,7 @@ UNSAYABLE = (TypeError, ValueError, OverflowError, RecursionError)
 _encode = msgspec.json.Encoder().encode
 
 
-def encode_finite(value: Any) -> bytes:
+def encode_finite(value: object) -> bytes:
     """Return ``value`` (builtins and msgspec structs) as JSON.
 
     Raises WireError with the place of a number that is not finite, and for what JSON cannot hold.
@@ -33,7 +32,7 @@ def encode_finite(value: Any) -> bytes:
     return encoded
 
 
-def _not_finite(value: Any, where: str) -> Iterator[str]:
+def _not_finite(value: object, where: str) -> Iterator[str]:
     """Yield the places of the numbers in ``value`` that are not finite."""
     if isinstance(value, float):
         if not math.isfinite(value):

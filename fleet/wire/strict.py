@@ -9,14 +9,14 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Mapping
-from typing import Any, NoReturn
+from typing import NoReturn
 
 from fleet.errors import WireError
 
 LARGEST_INTEGER = 2**63 - 1  # what every reader of JSON can hold
 
 
-def _unique(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+def _unique(pairs: list[tuple[str, object]]) -> dict[str, object]:
     """Make an object of its members; refuse a key that stands twice."""
     members = dict(pairs)
     if len(members) != len(pairs):
@@ -95,7 +95,7 @@ def _refuse_half_characters(value: object) -> None:
         raise WireError("half a surrogate pair is not a character") from None
 
 
-def parse_object(payload: bytes, *, limit: int = 1 << 20, depth: int = 32) -> dict[str, Any]:
+def parse_object(payload: bytes, *, limit: int = 1 << 20, depth: int = 32) -> dict[str, object]:
     """Return the members of a JSON object; raises WireError like ``parse_json`` and for any other value."""
     value = parse_json(payload, limit=limit, depth=depth)
     if not isinstance(value, dict):
@@ -127,7 +127,7 @@ def path(where: str, name: str) -> str:
     return f"{where}.{name}" if where else name
 
 
-def _member(members: Mapping[str, Any], name: str, where: str) -> Any:
+def _member(members: Mapping[str, object], name: str, where: str) -> object:
     """Return a member that must be there."""
     if name not in members:
         raise WireError("is missing", where=path(where, name))
@@ -147,7 +147,7 @@ def finite(value: object, where: str) -> float:
     return measure
 
 
-def number(members: Mapping[str, Any], name: str, where: str = "") -> float:
+def number(members: Mapping[str, object], name: str, where: str = "") -> float:
     """Return the number called ``name``; raises WireError when it is missing or not a finite number."""
     value = members.get(name)
     if type(value) is float and math.isfinite(value):
@@ -155,12 +155,12 @@ def number(members: Mapping[str, Any], name: str, where: str = "") -> float:
     return finite(_member(members, name, where), path(where, name))
 
 
-def optional_number(members: Mapping[str, Any], name: str, where: str = "") -> float | None:
+def optional_number(members: Mapping[str, object], name: str, where: str = "") -> float | None:
     """Return the number called ``name``, None when there is none; null is refused like a string."""
     return number(members, name, where) if name in members else None
 
 
-def whole(members: Mapping[str, Any], name: str, where: str = "") -> int:
+def whole(members: Mapping[str, object], name: str, where: str = "") -> int:
     """Return the whole number called ``name``; 3.0 is one, as in JSON Schema."""
     value = number(members, name, where)
     if value != int(value):
@@ -168,7 +168,7 @@ def whole(members: Mapping[str, Any], name: str, where: str = "") -> int:
     return int(value)
 
 
-def text(members: Mapping[str, Any], name: str, where: str = "") -> str:
+def text(members: Mapping[str, object], name: str, where: str = "") -> str:
     """Return the string called ``name``; raises WireError when it is missing or something else."""
     value = _member(members, name, where)
     if not isinstance(value, str):
@@ -176,7 +176,7 @@ def text(members: Mapping[str, Any], name: str, where: str = "") -> str:
     return value
 
 
-def child(members: Mapping[str, Any], name: str, where: str = "") -> dict[str, Any]:
+def child(members: Mapping[str, object], name: str, where: str = "") -> dict[str, object]:
     """Return the object called ``name``; raises WireError when it is missing or something else."""
     value = _member(members, name, where)
     if not isinstance(value, dict):
@@ -184,6 +184,6 @@ def child(members: Mapping[str, Any], name: str, where: str = "") -> dict[str, A
     return value
 
 
-def without_nulls(members: Mapping[str, Any]) -> dict[str, Any]:
+def without_nulls(members: Mapping[str, object]) -> dict[str, object]:
     """Return the members that have a value, for messages whose senders write null for "not given"."""
     return {name: value for name, value in members.items() if value is not None}

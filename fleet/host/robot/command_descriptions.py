@@ -5,7 +5,6 @@ from __future__ import annotations
 import types
 import typing
 from collections.abc import Callable, Iterable, Mapping
-from typing import Any
 
 import msgspec
 
@@ -18,7 +17,7 @@ from fleet.wire.stops import STOP_WORDS
 
 Refusal = Callable[[str, CommandSpec | None], str]
 """Why a command would be refused now; None for the spec of one that the host answers itself."""
-_WORDS: Mapping[Any, str] = {float: "number", int: "whole number", str: "text", bool: "true or false"}
+_WORDS: Mapping[object, str] = {float: "number", int: "whole number", str: "text", bool: "true or false"}
 _HOST = {
     "release_emergency_stop": "Let the robot move again after an emergency stop.",
     "restart_adapter": "End its adapter's run and begin anew; ends a quarantine.",
@@ -81,7 +80,7 @@ def _parameter(spec: CommandSpec, field: msgspec.structs.FieldInfo) -> Parameter
     )
 
 
-def words(kind: Any) -> str:
+def words(kind: object) -> str:
     """Return a type in words for people."""
     if kind in _WORDS:
         return _WORDS[kind]

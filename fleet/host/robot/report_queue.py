@@ -30,7 +30,7 @@ WAITING = 200  # events of one robot in one turn; a robot that reports more lose
 class BridgePort(Protocol):
     """The bridge of this process, as reports see it."""
 
-    def open(self, key: str) -> Any:
+    def open(self, key: str) -> object:
         """Return where the reports of a key cross; None where none do."""
 
     def cross(self, batch: Sequence[tuple[Any, Report]]) -> None:
@@ -47,7 +47,7 @@ class _Channel:
 
     newest: Report
 
-    def __init__(self, key: str, way: Any) -> None:
+    def __init__(self, key: str, way: object) -> None:
         self.key = key
         self.way = way
         self.sequence = 0
