@@ -13,7 +13,6 @@ import mqtt5
 import msgspec
 
 from fleet.cloud import reasons
-from fleet.cloud.inbound import Arrival, InboundPublish
 from fleet.cloud.inflight_window import InflightWindow
 from fleet.cloud.outbound_queue import OutboundQueue
 from fleet.cloud.packets import encode
@@ -64,7 +63,6 @@ class MqttSession:
             mqtt5.ConnAckPacket: self._on_connack,
             mqtt5.SubAckPacket: self._on_suback,
             mqtt5.PublishPacket: self._on_publish,
-            InboundPublish: self._on_plain,
             mqtt5.PubRelPacket: self._on_pubrel,
             mqtt5.PubAckPacket: self._ours.acknowledged,
             mqtt5.PubRecPacket: self._on_pubrec,
@@ -88,7 +86,7 @@ class MqttSession:
         )
         return self._encode(packet)
 
-    def receive(self, packet: Arrival, now: float) -> None:
+    def receive(self, packet: mqtt5.Packet, now: float) -> None:
         """Take one packet of the broker.
 
         Raises SessionRefused when the broker says no and SessionEnded when the connection must be given up.
@@ -183,12 +181,6 @@ class MqttSession:
             self._replies.append(mqtt5.PubAckPacket(identifier))
         else:
             self._on_publish_twice(packet, identifier)
-
-    def _on_plain(self, plain: InboundPublish, _now: float) -> None:
-        """Take a message of the usual form."""
-        self.take(plain.message)
-        if plain.identifier:
-            self._replies.append(mqtt5.PubAckPacket(plain.identifier))
 
     def _on_publish_twice(self, packet: mqtt5.PublishPacket, identifier: int) -> None:
         """Take a message of QoS 2, remembering its identifier until the broker releases it."""
