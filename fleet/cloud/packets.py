@@ -86,8 +86,7 @@ class PacketFramer(Generic[ReadT]):
 
     def _end(self, data: bytes, start: int) -> int | None:
         """Return where the frame ends, None when it is not whole; note how much is needed then."""
-        short = data[start + 1] if start + 1 < len(data) else MORE
-        length = 2 + short if short < MORE else frame_length(data, start)
+        length = frame_length(data, start)
         if length is None:
             self._needed = 0
             return None

@@ -89,7 +89,10 @@ _Integer = Annotated[int, msgspec.Meta(ge=-LARGEST_INTEGER, le=LARGEST_INTEGER)]
 
 
 class _Usual(msgspec.Struct):
-    """A command message as nearly all are, read in one go: what is rare is slow, step by step."""
+    """A command message as nearly all are, read in one go; every other is read step by step.
+
+    Without it a message from the broker to the robot costs 1.9 times as much (bench bridge:inward).
+    """
 
     command: str
     source_type: str

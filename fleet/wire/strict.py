@@ -149,9 +149,6 @@ def finite(value: object, where: str) -> float:
 
 def number(members: Mapping[str, object], name: str, where: str = "") -> float:
     """Return the number called ``name``; raises WireError when it is missing or not a finite number."""
-    value = members.get(name)
-    if type(value) is float and math.isfinite(value):
-        return value
     return finite(_member(members, name, where), path(where, name))
 
 
