@@ -4,10 +4,10 @@ import asyncio
 
 import pytest
 
-from fleet.testing.operator import Operator
 from fleet.testing.robot import LoopRobot
 from fleet_mavlink.adapter import MavlinkAdapter
 from fleet_mavlink.config import MavlinkConfig
+from tests.tools.operator import Operator
 
 TWIN = "6f0c9a1e-3a6c-4f5e-9d2e-0c5a4b3d2e1f"
 

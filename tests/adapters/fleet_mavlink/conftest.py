@@ -9,7 +9,6 @@ from pymavlink.dialects.v20 import all as mav
 
 from fleet.link.memory import MemoryRobot
 from fleet.testing.clock import JumpingLoop, ManualClock
-from fleet.testing.operator import Operator
 from fleet.testing.robot import LoopRobot
 from fleet_mavlink.adapter import MavlinkAdapter
 from fleet_mavlink.codec import Parser
@@ -18,6 +17,7 @@ from fleet_mavlink.messages import Heartbeat
 from fleet_mavlink.sim.vehicle import SimVehicle
 from fleet_mavlink.sim.wire import Wire
 from fleet_mavlink.vehicle import Vehicle
+from tests.tools.operator import Operator
 
 RECORDINGS = Path(__file__).parents[2] / "data" / "mavlink"
 TWIN = "6f0c9a1e-3a6c-4f5e-9d2e-0c5a4b3d2e1f"

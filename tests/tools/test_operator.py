@@ -7,7 +7,7 @@ from fleet.commands import command
 from fleet.errors import Refused
 from fleet.model.geometry import Vector3, Velocity
 from fleet.model.navigation import Progress
-from fleet.testing.operator import Operator
+from tests.tools.operator import Operator
 
 
 class Toy(Adapter[AdapterConfig]):

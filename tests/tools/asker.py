@@ -16,8 +16,8 @@ from typing import Any
 
 import msgspec
 
-from fleet.testing.mqtt import Mqtt
-from fleet.testing.promises import Event, What
+from tests.tools.mqtt import Mqtt
+from tests.tools.promises import Event, What
 
 PUPPETS = Path(__file__).parent / "plugins"
 """The folder to name under ``plugins`` in fleet.yaml, for robots with ``adapter: puppet``."""
