@@ -109,7 +109,7 @@ class Uplink:
         else:
             slot = self._meet(key)
             if slot is not None and not slot.document:
-                self._look_for_unread(slot, sample)
+                _tell_unread(slot, sample, self.refusals)
         if slot is None:
             return
         if slot.ours and (not slot.shared or is_of_the_fleet(sample, slot.channel)):
@@ -117,13 +117,6 @@ class Uplink:
             self.refusals.add("forged", line, slot.channel, slot.twin)
             return
         self._take(slot, sample)
-
-    def _look_for_unread(self, slot: OutboundChannel, sample: bytes) -> None:
-        """Tell what of a program's messages does not cross, by the first that comes on a key."""
-        unread = unread_fields(slot.channel, sample)
-        if unread:
-            line = "of %s of %s these fields do not cross: %s"
-            self.refusals.add("unknown fields", line, slot.channel, slot.twin, ", ".join(unread)[:200])
 
     def open(self, key: str) -> OutboundChannel | None:
         """Return where this process's own reports of a key cross; None when none may.
@@ -266,31 +259,32 @@ class Uplink:
                 yield
 
     def _send_walled(self, slot: OutboundChannel, sample: Report | bytes) -> None:
-        """Send a sample; whatever is wrong with it keeps no other from being sent."""
+        """Translate one sample and publish what it becomes; whatever is wrong with it is its own."""
+        if slot.twin in self.held:
+            return
         try:
-            self._send(slot, sample)
+            messages = self._translated(slot, sample)
+            slot.refused = False
+            for suffix, payload in messages:
+                self._queue(slot, suffix, payload)
+        except WireError as error:
+            self._refuse(slot, error)
         except Exception as error:  # noqa: BLE001 - the wall: it is one robot's
             slot.refused = True
             line = "a sample on %s of %s did not cross: %s"
             self.refusals.add("failed", line, slot.channel, slot.twin, repr(error))
 
-    def _send(self, slot: OutboundChannel, sample: Report | bytes) -> None:
-        """Translate one sample and publish what it becomes."""
-        if slot.twin in self.held:
+    def _queue(self, slot: OutboundChannel, suffix: str, payload: bytes) -> None:
+        """Publish one message; the way to its topic is opened once."""
+        if len(payload) > slot.size:
+            line = "%s of %s: %d bytes are more than the %d of its rule"
+            self.refusals.add("too large", line, suffix, slot.twin, len(payload), slot.size)
             return
-        try:
-            messages = self._translated(slot, sample)
-        except WireError as error:
-            self._refuse(slot, error)
-            return
-        slot.refused = False
-        for suffix, payload in messages:
-            if len(payload) > slot.size:
-                line = "%s of %s: %d bytes are more than the %d of its rule"
-                self.refusals.add("too large", line, suffix, slot.twin, len(payload), slot.size)
-                continue
-            self.sent.counts[slot.traffic] += 1
-            self._client.queue(slot.ways.get(suffix) or self._open(slot, suffix), payload)
+        way = slot.ways.get(suffix)
+        if way is None:
+            way = slot.ways[suffix] = self._open_way(self._topics.twin(slot.twin, suffix), slot.rule)
+        self.sent.counts[slot.traffic] += 1
+        self._client.queue(way, payload)
 
     def _refuse(self, slot: OutboundChannel, error: WireError) -> None:
         """Count what cannot cross, and tell why."""
@@ -305,11 +299,6 @@ class Uplink:
             return [(suffix, document_out(suffix, sample, source_type=source_type, session=self._session))]
         report = unproven(decode_report(slot.channel, sample)) if isinstance(sample, bytes) else sample
         return to_mqtt(report, slot.by, slot.off)
-
-    def _open(self, slot: OutboundChannel, suffix: str) -> Way:
-        """Open the way to a topic, once."""
-        way = slot.ways[suffix] = self._open_way(self._topics.twin(slot.twin, suffix), slot.rule)
-        return way
 
     def _meet(self, key: str) -> OutboundChannel | None:
         """Decide what a key is, once: a slot of ours, or None for what does not cross."""
@@ -331,3 +320,11 @@ class Uplink:
         if kept is slot and slot.repeat:
             self._repeated.append(slot)
         return kept
+
+
+def _tell_unread(slot: OutboundChannel, sample: bytes, refusals: RateLimitedCounter) -> None:
+    """Tell what of a program's messages does not cross, by the first that comes on a key."""
+    unread = unread_fields(slot.channel, sample)
+    if unread:
+        line = "of %s of %s these fields do not cross: %s"
+        refusals.add("unknown fields", line, slot.channel, slot.twin, ", ".join(unread)[:200])

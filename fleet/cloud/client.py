@@ -9,7 +9,6 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import logging
-import socket
 import threading
 from collections.abc import Callable, Mapping
 
@@ -196,10 +195,6 @@ class CloudClient:
     def _flush_now(self) -> None:
         """Write. The mark falls first, so that a message queued from now on asks for the next write."""
         self._flushing = False
-        self._write()
-
-    def _write(self) -> None:
-        """Write what waits."""
         if self._connection:
             self._connection.flush()
 
@@ -256,25 +251,24 @@ class CloudClient:
         try:
             async with asyncio.timeout(self._settings.connect_timeout):
                 opened = await endpoint.open_socket(self._settings, self._tls)
-                self._connection = connection = self._connect(opened, session)
+                self._connection = connection = MqttConnection(
+                    opened,
+                    session,
+                    self._settings,
+                    self._clock,
+                    deliver=self._deliver,
+                    take=self._on_read,
+                )
                 await connection.answered()
             return await self._serve_ready(connection, session)
         except TimeoutError:
             hint = "" if self._settings.tls else f"; if it wants TLS, {TRY_TLS}"
             return CloudError(f"the broker did not answer within {self._settings.connect_timeout:g} s{hint}")
-        finally:
-            self._finish(session)
-
-    def _connect(self, opened: socket.socket, session: MqttSession) -> MqttConnection:
-        """Begin the session on an open socket."""
-        return MqttConnection(
-            opened,
-            session,
-            self._settings,
-            self._clock,
-            deliver=self._deliver,
-            take=self._on_read,
-        )
+        finally:  # nothing of a connection is left but the messages that must be sent again
+            left, self._connection = self._connection, None
+            if left:
+                left.give_up(CloudError("given up"))
+            session.end()
 
     async def _serve_ready(self, connection: MqttConnection, session: MqttSession) -> CloudError:
         """Be connected until the connection ends; return why, or raise SessionRefused."""
@@ -284,7 +278,7 @@ class CloudClient:
             self._outbox.go_online()
             asyncio.get_running_loop().call_later(NEWEST_FIRST, self.flush)
             self._set_state(CloudState.CONNECTED, "; ".join(session.problems))
-            self._write()
+            self._flush_now()
             await asyncio.wait([connection.ended])
             lasted = self._clock.monotonic() - began
             for backoff in (self._network, self._refusals):
@@ -294,13 +288,6 @@ class CloudClient:
             raise reason
         return reason
 
-    def _finish(self, session: MqttSession) -> None:
-        """Leave nothing of a connection behind but the messages that must be sent again."""
-        connection, self._connection = self._connection, None
-        if connection:
-            connection.give_up(CloudError("given up"))
-        session.end()
-
     async def _watch(self) -> None:
         """Look after time: dead links, messages that are no longer worth sending."""
         while True:
@@ -308,7 +295,7 @@ class CloudClient:
             if self._connection:
                 self._connection.watch()
             self._outbox.tick()
-            self._write()
+            self._flush_now()
 
     def _deliver(self, messages: list[CloudMessage]) -> None:
         """Hand messages over; an error there must not end the connection."""

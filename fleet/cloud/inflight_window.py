@@ -120,7 +120,7 @@ class InflightWindow:
         known = mqtt5.PubRelReasonCode.SUCCESS if message else mqtt5.PubRelReasonCode.PACKET_ID_NOT_FOUND
         return mqtt5.PubRelPacket(packet.packet_id, reason_code=known)
 
-    def completed(self, packet: mqtt5.PubCompPacket) -> None:
+    def completed(self, packet: mqtt5.PubCompPacket, _now: float) -> None:
         """Note that the broker has a QoS 2 message, once."""
         message = self._inflight.pop(packet.packet_id, None)
         if message is not None:
