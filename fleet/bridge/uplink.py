@@ -146,7 +146,7 @@ class Uplink:
                 self.received.counts[slot.traffic] += 1
                 slot.sample = report
                 slot.goes(now)
-                self._send_walled(slot, report)
+                self._send(slot, report)
             else:
                 self._take(slot, report)
 
@@ -164,7 +164,7 @@ class Uplink:
             return
         if slot.durable:
             if not slot.rate or slot.takes_event(self._clock.monotonic()):
-                self._send_walled(slot, sample)
+                self._send(slot, sample)
             else:
                 self.dropped.add(slot.rule.traffic)
             return
@@ -196,7 +196,7 @@ class Uplink:
             topic = self._topics.twin(slot.twin, slot.rule.suffix)
             now, wall = self._clock.monotonic(), self._clock.time()
             if self.events.admits(topic, sample, now, wall, heard=heard is not None):
-                self._send_walled(slot, heard or sample)
+                self._send(slot, heard or sample)
         return True
 
     def turn(self) -> Iterator[None]:
@@ -216,14 +216,14 @@ class Uplink:
         for slot in self._repeated:
             if slot.sample and not slot.refused and self._alive(slot.info.robot):
                 slot.goes(now)
-                self._send_walled(slot, slot.sample)
+                self._send(slot, slot.sample)
 
     def _send_newest(self, now: float) -> Iterator[None]:
         """Send the newest of each state that is due; a stream only while the way is free."""
         for number in range(1, len(self._fresh) + 1):
             slot = self._fresh.popleft()
             if self._may_go(slot, now):
-                self._send_walled(slot, slot.sample)
+                self._send(slot, slot.sample)
             if slot.heavy or not number % STEP:
                 yield
 
@@ -253,12 +253,12 @@ class Uplink:
             silent = now - slot.sent >= slot.silence
             if silent and slot.sample and not slot.refused and self._alive(slot.info.robot):
                 slot.goes(now)
-                self._send_walled(slot, slot.sample)
+                self._send(slot, slot.sample)
                 yield
             elif not number % LOOKS:
                 yield
 
-    def _send_walled(self, slot: OutboundChannel, sample: Report | bytes) -> None:
+    def _send(self, slot: OutboundChannel, sample: Report | bytes) -> None:
         """Translate one sample and publish what it becomes; whatever is wrong with it is its own."""
         if slot.twin in self.held:
             return

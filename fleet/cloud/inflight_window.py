@@ -8,7 +8,7 @@ import mqtt5
 
 from fleet.cloud.outbound_queue import OutboundQueue
 from fleet.cloud.packets import Protocol
-from fleet.cloud.publish import Light, publish, publish_light
+from fleet.cloud.publish import QueuedQos0, publish, publish_light
 from fleet.cloud.values import PAYLOAD_LIMIT, CloudStats
 from fleet.spool.message import Outcome, Outgoing
 
@@ -156,7 +156,7 @@ class InflightWindow:
             self._timed = self._timed or (identifier, now)
         return data
 
-    def _publish_light(self, message: Light, now: float) -> bytes:
+    def _publish_light(self, message: QueuedQos0, now: float) -> bytes:
         """Return the bytes of one message of QoS 0; empty when the broker would refuse it."""
         try:
             data = publish_light(message, now, self._protocol)

@@ -33,7 +33,7 @@ LONGEST_LOOK = 0.01
 Deliver = Callable[[list[CloudMessage]], None]
 
 
-class _Soon:
+class _NextTurnCall:
     """A call that the loop makes in its next turn, once however often it is asked for until then."""
 
     def __init__(self, loop: asyncio.AbstractEventLoop, call: Callable[[], None]) -> None:
@@ -82,8 +82,8 @@ class MqttConnection:
         self._silent = not settings.tls  # a plain connection on which nothing was heard yet
         self._deliver = deliver
         self._take = take
-        self._take_on = _Soon(self._loop, self._follow_up)  # the rest, others having had their turn
-        self._go_on = _Soon(self._loop, self.flush)
+        self._take_on = _NextTurnCall(self._loop, self._follow_up)  # the rest, others having had their turn
+        self._go_on = _NextTurnCall(self._loop, self.flush)
         self._arrivals = PacketFramer(reader(settings.protocol), PAYLOAD_LIMIT, head=HEAD)
         self._keepalive = Keepalive(settings.keepalive, clock.monotonic())
         self._lock = threading.Lock()  # of everything that reading and writing share

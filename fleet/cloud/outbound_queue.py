@@ -11,7 +11,7 @@ from collections import deque
 from collections.abc import Iterable
 
 from fleet.clock import Clock
-from fleet.cloud.publish import Light, PublishRoute
+from fleet.cloud.publish import PublishRoute, QueuedQos0
 from fleet.cloud.values import CloudStats, QueueStats
 from fleet.spool.message import OVERHEAD, Outgoing
 from fleet.spool.spool import Spool
@@ -29,7 +29,7 @@ class OutboundQueue:
         self._most_messages = messages
         self._most_bytes = size
         self._lock = threading.Lock()
-        self._light: deque[Light] = deque()
+        self._light: deque[QueuedQos0] = deque()
         stats.outbox = self._queued
         self._bytes = 0
         self._refused = 0
@@ -40,7 +40,7 @@ class OutboundQueue:
 
     def put_light(self, where: PublishRoute, payload: bytes) -> bool:
         """Add a message of QoS 0; tell whether it was taken. What is durable is put into the spool."""
-        message = Light(where, payload, self._clock.monotonic())
+        message = QueuedQos0(where, payload, self._clock.monotonic())
         with self._lock:
             size = self._bytes + _size(message)
             if not self._online or len(self._light) >= self._most_messages or size > self._most_bytes:
@@ -50,9 +50,9 @@ class OutboundQueue:
             self._bytes = size
             return True
 
-    def take_light(self, now: float, size: int) -> list[Light]:
+    def take_light(self, now: float, size: int) -> list[QueuedQos0]:
         """Remove and return what of QoS 0 may be written next, about ``size`` bytes; drop what is late."""
-        taken: list[Light] = []
+        taken: list[QueuedQos0] = []
         with self._lock:
             while self._light and size > 0:
                 message = self._light.popleft()
@@ -107,6 +107,6 @@ class OutboundQueue:
         return QueueStats(len(self), self._bytes, self._refused + self.spool.lost)
 
 
-def _size(message: Light) -> int:
+def _size(message: QueuedQos0) -> int:
     """Return the bytes that a message of QoS 0 costs while it waits."""
     return len(message.where.topic) + len(message.payload) + OVERHEAD

@@ -47,7 +47,7 @@ def publish_route(topic: str, expiry: float | None) -> PublishRoute:
     return PublishRoute(check_topic(topic), expiry)
 
 
-class Light(msgspec.Struct, frozen=True, gc=False):
+class QueuedQos0(msgspec.Struct, frozen=True, gc=False):
     """A message of QoS 0 that waits; ``since`` is when (monotonic s) it was queued."""
 
     where: PublishRoute
@@ -59,7 +59,7 @@ class Light(msgspec.Struct, frozen=True, gc=False):
         return self.where.expiry is not None and now - self.since >= self.where.expiry
 
 
-def publish_light(message: Light, now: float, protocol: Protocol) -> bytes:
+def publish_light(message: QueuedQos0, now: float, protocol: Protocol) -> bytes:
     """Return the packet of a message of QoS 0, with what is left of its time.
 
     Raises ValueError or TypeError for what MQTT cannot carry.

@@ -60,7 +60,7 @@ def interpreter_settings(
         _release()
 
 
-def keep_from_collector() -> None:
+def freeze_new_objects() -> None:
     """Keep out of the garbage collector's sight what has been made since the settings were changed."""
     with _lock:
         if _holders:

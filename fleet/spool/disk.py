@@ -84,7 +84,7 @@ class SpoolDisk:
         """Bytes of the file, 0 while there is none."""
         return self._store.used if self._store else 0
 
-    def stir(self) -> None:
+    def wake_if_needed(self) -> None:
         """Wake the thread where there is something for it to do."""
         if not self._wake.is_set() and self._wanted():
             self._wake.set()

@@ -78,7 +78,7 @@ class Spool:
         """Take a message of QoS 1; False when it cannot be kept at all."""
         with self._using:
             taken = not self._closed and self._queue.put(message, self._clock.monotonic(), self._clock.time())
-        self._stir()
+        self._wake_disk()
         return taken
 
     def take(self, now: float, *, window: int, reserve: int, size: int) -> list[Outgoing]:
@@ -86,7 +86,7 @@ class Spool:
         with self._using:
             batch = self._queue.take(now, window=window, reserve=reserve, size=size)
         if self._queue.needs_fetch:
-            self._stir()
+            self._wake_disk()
         return batch
 
     def settle(self, answers: Iterable[tuple[Outgoing, Outcome]]) -> None:
@@ -95,7 +95,7 @@ class Spool:
         with self._using:
             for message, outcome in answers:
                 self._queue.settle(message, outcome, now, wall)
-        self._stir()
+        self._wake_disk()
 
     def put_back(self, messages: Iterable[Outgoing]) -> None:
         """Take back messages, oldest first, that were under way when the connection ended."""
@@ -106,25 +106,25 @@ class Spool:
         """Begin a new connection."""
         with self._using:
             self._queue.go_online(self._clock.monotonic())
-        self._stir()
+        self._wake_disk()
 
     def go_offline(self) -> None:
         """Note the end of the connection: from now on everything goes to disk at once."""
         with self._using:
             self._queue.go_offline()
-        self._stir()
+        self._wake_disk()
 
     def tick(self) -> None:
         """Look after time: once a second or so."""
         with self._using:
             self._queue.tick(self._clock.monotonic(), self._clock.time())
-        self._stir()
+        self._wake_disk()
 
     def take_gaps(self) -> list[Gap]:
         """Remove and return the losses, for whoever tells them now."""
         with self._using:
             gaps = self._queue.losses.take()
-        self._stir()
+        self._wake_disk()
         return gaps
 
     @property
@@ -170,10 +170,10 @@ class Spool:
         else:
             self._queue.close()
 
-    def _stir(self) -> None:
+    def _wake_disk(self) -> None:
         """Have the disk's thread do what there is to do."""
         if self._disk is not None:
-            self._disk.stir()
+            self._disk.wake_if_needed()
 
     def _tell_more(self) -> None:
         """Tell whoever takes, who is known later than the disk, that there is more."""

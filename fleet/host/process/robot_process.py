@@ -35,7 +35,7 @@ from fleet.host.runtime.watchdog import LoopWatch, Watchdog
 from fleet.model.command import Reply, ReplyStatus, Transport
 from fleet.robot_config import MAIN
 from fleet.runtime.decoding import decode_json
-from fleet.runtime.interpreter import interpreter_settings, keep_from_collector
+from fleet.runtime.interpreter import freeze_new_objects, interpreter_settings
 from fleet.supervisor.client import SupervisorClient
 from fleet.supervisor.protocol import StopRequest
 from fleet.wire.rules import Kind
@@ -159,7 +159,7 @@ class RobotProcess:
         # now, and once more what the robots have made since. A run of it in the middle of a command costs
         # that a third of a millisecond; nearly all is freed without it, so it need not look often.
         self._interpreter.enter_context(interpreter_settings(switch_interval=SWITCH_INTERVAL, young=YOUNG))
-        self._settling = self.loop.call_later(SETTLED, keep_from_collector)
+        self._settling = self.loop.call_later(SETTLED, freeze_new_objects)
         for robot in self.robots.values():
             self._declare(robot)
             robot.be_watched(self.watchdog)

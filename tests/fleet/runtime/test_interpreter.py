@@ -5,7 +5,7 @@ import sys
 
 import pytest
 
-from fleet.runtime.interpreter import interpreter_settings, keep_from_collector
+from fleet.runtime.interpreter import freeze_new_objects, interpreter_settings
 
 
 def settings():
@@ -41,5 +41,5 @@ def test_of_two_blocks_the_last_to_end_gives_them_back():
 
 def test_nothing_is_kept_from_the_collector_outside_of_a_block():
     before = gc.get_freeze_count()
-    keep_from_collector()
+    freeze_new_objects()
     assert gc.get_freeze_count() == before
