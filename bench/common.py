@@ -20,7 +20,7 @@ import mqtt5
 import psutil
 
 from fleet.bus.settings import MEMORY
-from fleet.testing.asker import PUPPETS
+from tests.tools.asker import PUPPETS
 
 NAMESPACE = uuid.UUID("00000000-0000-4000-8000-00000000be7c")
 
@@ -158,7 +158,7 @@ def fleet(robots, broker, folder=None, **sections):
 
 
 def puppets(number, **options):
-    """Robots that cost next to nothing (``fleet/testing/plugins/puppet.py``), in the edge's own process."""
+    """Robots that cost next to nothing (``tests/tools/plugins/puppet.py``), in the edge's own process."""
     names = [f"puppet-{each}" for each in range(number)]
     return [
         {"name": name, "twin": twin_of(name), "adapter": "puppet", "worker": "main", **options}

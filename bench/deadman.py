@@ -7,7 +7,7 @@ import time
 from pathlib import Path
 
 from bench.common import fleet, line, mosquitto, process, puppets
-from fleet.testing.mqtt import Mqtt
+from tests.tools.mqtt import Mqtt
 
 ROBOTS = 300  # all report at 10 Hz
 DRIVEN = 30

@@ -21,9 +21,9 @@ import msgspec
 
 from bench import dog_loop
 from bench.common import line
+from fleet.runtime.interpreter import interpreter_settings
 from fleet_quadruped.body.gait import Twist
 from fleet_quadruped.body.machine import BodyRequest
-from fleet_quadruped.control.loop import no_collector
 from fleet_quadruped.drives.cia402.states import DriveState
 from fleet_quadruped.robot.description import EXAMPLE, DogDescription, load_description
 from fleet_quadruped.robot.names import JOINTS
@@ -270,7 +270,7 @@ def cost(dog: DogDescription) -> None:
     rig = standing(dog)
     rig.go(1.5, Twist(0.5))
     windows = []
-    with no_collector():
+    with interpreter_settings(collect=False):
         for _ in range(60):
             used = dict.fromkeys(("take", "advance", "step"), 0.0)
             with timed(rig.sim, used, "take", "advance"), timed(rig.sim.world, used, "step"):

@@ -18,9 +18,9 @@ from bench.bridge import faults
 from bench.bridge.faults import PROMISES, settle
 from bench.bridge.sides import side
 from bench.common import line, mosquitto, puppets
-from fleet.testing.asker import Asker, executed
-from fleet.testing.promises import broken
-from fleet.testing.proxy import TcpProxy
+from tests.tools.asker import Asker, executed
+from tests.tools.promises import broken
+from tests.tools.proxy import TcpProxy
 
 MINUTES = 30.0
 SETTLED = 1 / 3  # of the time: what is loaded at first use is there

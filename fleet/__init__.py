@@ -6,7 +6,7 @@ Names are loaded on first use, so that ``fleet --version`` need not load what it
 from __future__ import annotations
 
 import importlib
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from fleet.version import __version__
 
@@ -122,7 +122,7 @@ __all__ = [
 ]
 
 
-def __getattr__(name: str) -> Any:
+def __getattr__(name: str) -> object:
     """Load a public name from the module it lives in (PEP 562)."""
     module = _MODULE_OF.get(name)
     if module is None:

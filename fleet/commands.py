@@ -127,7 +127,7 @@ def commands_of(owner: type) -> Mapping[str, CommandSpec]:
     return found
 
 
-def _parameters_of(method: Callable[..., Any]) -> type[msgspec.Struct]:
+def _parameters_of(method: Callable[..., object]) -> type[msgspec.Struct]:
     """Make the strict type of a method's keyword parameters; raises BadDeclaration."""
     hints = _hints_of(method)
     fields: list[Any] = []
@@ -215,7 +215,7 @@ def _range_of(note: Any) -> Range | None:
     return Range(-math.inf if least is None else least, math.inf if most is None else most, str(unit))
 
 
-def arguments(spec: CommandSpec, data: Mapping[str, Any]) -> dict[str, Any]:
+def arguments(spec: CommandSpec, data: Mapping[str, object]) -> dict[str, object]:
     """Return the keyword arguments for a command, checked strictly.
 
     A safe command without parameters ignores its data, so that nothing can keep a landing from happening,
@@ -248,7 +248,7 @@ def _hint(spec: CommandSpec, key: str) -> str:
     return f"it takes {', '.join(said) or 'no data'}"
 
 
-def _require_within(spec: CommandSpec, name: str, value: Any) -> None:
+def _require_within(spec: CommandSpec, name: str, value: object) -> None:
     """Refuse a number, or a list with one, that is not finite or not within its range."""
     for each in value if isinstance(value, list) else (value,):
         if isinstance(each, bool) or not isinstance(each, int | float):

@@ -7,7 +7,7 @@ from the descriptions).
 from __future__ import annotations
 
 import math
-from typing import Annotated, Any, Literal, Self
+from typing import Annotated, Literal, Self
 from uuid import UUID
 
 from pydantic import AfterValidator, BeforeValidator, Field, model_validator
@@ -119,7 +119,7 @@ Corner = tuple[float, float]
 Corners = Annotated[tuple[Corner, ...], Field(min_length=3, max_length=100), AfterValidator(_simple)]
 
 
-def _bracketed(given: Any) -> Any:
+def _bracketed(given: object) -> object:
     """Refuse, as one problem, brackets that make no list of lists of corners; else each number is one."""
     polygons = _as_tuples(given)
     for number, polygon in enumerate(polygons if isinstance(polygons, tuple) else (), 1):
@@ -133,7 +133,7 @@ def _bracketed(given: Any) -> Any:
     return polygons
 
 
-def _as_tuples(value: Any) -> Any:
+def _as_tuples(value: object) -> object:
     """Return lists as tuples: behind a check of ours, pydantic takes no list for one any more."""
     return tuple(map(_as_tuples, value)) if isinstance(value, list | tuple) else value
 

@@ -95,7 +95,7 @@ class _Layout:
     def encode(self, message: MavlinkMessage) -> bytes:
         """Return the payload without the zeros at its end (one byte stays)."""
         if self._pick is not None and self._order is not None:
-            values: Sequence[Any] = self._order(msgspec.structs.astuple(message) + self._rest)
+            values: Sequence[object] = self._order(msgspec.structs.astuple(message) + self._rest)
         else:
             values = list(self._blank)
             for name, place in self._wanted:
@@ -103,7 +103,7 @@ class _Layout:
         return self._packing.pack(*values).rstrip(b"\0") or b"\0"
 
 
-def _picker(indexes: Sequence[int]) -> Callable[[Sequence[Any]], tuple[Any, ...]] | None:
+def _picker(indexes: Sequence[int]) -> Callable[[Sequence[object]], tuple[object, ...]] | None:
     """Return what takes the values at some indexes, None for fewer than two."""
     return itemgetter(*indexes) if len(indexes) > 1 else None
 
@@ -139,7 +139,7 @@ def _texts(wire: Any) -> list[bool]:
     return [kinds[name] == "char" for name in wire.ordered_fieldnames]
 
 
-def _value(values: tuple[Any, ...]) -> Any:
+def _value(values: tuple[object, ...]) -> object:
     """Return a number, a text up to its NUL, or a tuple for an array."""
     if len(values) > 1:
         return values
@@ -149,7 +149,7 @@ def _value(values: tuple[Any, ...]) -> Any:
     return value
 
 
-def _wire_values(value: Any) -> tuple[Any, ...]:
+def _wire_values(value: object) -> tuple[object, ...]:
     """Return what a field is on the wire: its numbers, or its text as bytes."""
     if isinstance(value, tuple):
         return value

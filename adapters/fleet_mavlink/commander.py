@@ -159,33 +159,55 @@ class Commander:
         Unsupported, TimedOut (no answer), LinkLost.
         """
         async with _Exchange(self, ask, yields=yields) as exchange:
-            asked_until = exchange.began + self.timing.patience
             sent = 0
             while True:
                 self._send(ask, sent)
                 sent += 1
                 ack = await self._answer(exchange, seen)
-                if ack is None and sent >= (tries or self.timing.tries):
-                    if seen is not None and await self.vehicle.until(seen, self.timing.working):
-                        return
-                    raise TimedOut(
-                        f"system {self.vehicle.system} did not answer {_name(ask)}",
-                        hint=f"sent {sent} times; is the link good, is this station allowed to command?",
-                        messages=self._words_since(exchange.began),
-                    )
                 if ack is None:
-                    if seen is not None and seen(self.vehicle.state):
+                    if await self._obeyed_unanswered(exchange, ask, seen, sent, tries or self.timing.tries):
                         return
-                    continue
-                if ack.result == Result.ACCEPTED:
+                elif ack.result == Result.ACCEPTED or await self._obeyed_refused(
+                    exchange, ask, ack, seen, sent
+                ):
                     return
-                if ack.result == Result.TEMPORARILY_REJECTED and self.vehicle.now() < asked_until:
-                    await asyncio.sleep(self.timing.pause)
-                    exchange.require_wanted()
-                    continue
-                if sent > 1 and seen is not None and await self.vehicle.until(seen, self.timing.heartbeat):
-                    return
-                raise await self._refusal(ask, ack, exchange)
+
+    async def _obeyed_unanswered(
+        self, exchange: _Exchange, ask: Ask, seen: Condition | None, sent: int, tries: int
+    ) -> bool:
+        """Tell whether a command was obeyed that was not answered; False: send it again.
+
+        Raises TimedOut when it was sent ``tries`` times and its effect does not show.
+        """
+        if sent < tries:
+            return seen is not None and seen(self.vehicle.state)
+        if await self._seen_within(seen, self.timing.working):
+            return True
+        raise TimedOut(
+            f"system {self.vehicle.system} did not answer {_name(ask)}",
+            hint=f"sent {sent} times; is the link good, is this station allowed to command?",
+            messages=self._words_since(exchange.began),
+        )
+
+    async def _obeyed_refused(
+        self, exchange: _Exchange, ask: Ask, ack: CommandAck, seen: Condition | None, sent: int
+    ) -> bool:
+        """Tell whether a command was obeyed though it was refused; False: send it again, after a pause.
+
+        A repeated command may be refused because its first sending was obeyed. Raises the refusal.
+        """
+        asked_until = exchange.began + self.timing.patience
+        if ack.result == Result.TEMPORARILY_REJECTED and self.vehicle.now() < asked_until:
+            await asyncio.sleep(self.timing.pause)
+            exchange.require_wanted()
+            return False
+        if sent > 1 and await self._seen_within(seen, self.timing.heartbeat):
+            return True
+        raise await self._refusal(ask, ack, exchange)
+
+    async def _seen_within(self, seen: Condition | None, seconds: float) -> bool:
+        """Wait for a condition; False when it does not come true in time, or there is none."""
+        return seen is not None and await self.vehicle.until(seen, seconds)
 
     async def enter(self, mode: str, shows: Callable[[VehicleState], str], ask: Ask) -> None:
         """Send a command until the vehicle's heartbeat shows the mode that it leads to.

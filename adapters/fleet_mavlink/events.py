@@ -95,9 +95,9 @@ class EventDictionary:
             return None
         return EventText(_TAG.sub("", _PLACE.sub(lambda place: _put(place, values), kind.message)), level)
 
-    def _values(self, types: tuple[str, ...], data: bytes) -> list[Any]:
+    def _values(self, types: tuple[str, ...], data: bytes) -> list[object]:
         """Unpack arguments: little-endian, one behind the other; an enumeration's value as its word."""
-        values: list[Any] = []
+        values: list[object] = []
         at = 0
         for name in types:
             enum = self._enums.get(name)
@@ -108,7 +108,7 @@ class EventDictionary:
         return values
 
 
-def _put(place: re.Match[str], values: list[Any]) -> str:
+def _put(place: re.Match[str], values: list[object]) -> str:
     """Return what stands in one place of a message: a value, its decimals, its unit."""
     index = int(place[1]) - 1
     if index >= len(values):

@@ -189,7 +189,7 @@ class VehicleState(msgspec.Struct, frozen=True):
 def reduce(state: VehicleState, message: MavlinkMessage, now: float) -> VehicleState:
     """Return what is known once ``message`` arrived at monotonic ``now``."""
     kind = type(message)
-    news: dict[str, Any] = {}
+    news: dict[str, object] = {}
     boot_ms: int | None = getattr(message, "time_boot_ms", None)
     if boot_ms is not None:
         if _has_rebooted(state.boot_ms, boot_ms):
@@ -218,12 +218,12 @@ def _rebooted(state: VehicleState, boot_ms: int | None) -> VehicleState:
     )
 
 
-def _heartbeat(state: VehicleState, message: Heartbeat, now: float) -> dict[str, Any]:
+def _heartbeat(state: VehicleState, message: Heartbeat, now: float) -> dict[str, object]:
     """Count heartbeats; one from the start of the boot, after being up, means a reboot."""
     beats = state.beats + 1 if now - state.heartbeat_at <= SILENCE else 1
     if state.heartbeat is None:
         beats = _BEATS_TO_RETURN  # a first meeting needs no proof; a return does
-    news: dict[str, Any] = {"heartbeat": message, "heartbeat_at": now, "beats": beats}
+    news: dict[str, object] = {"heartbeat": message, "heartbeat_at": now, "beats": beats}
     was_up = state.heartbeat is not None and state.heartbeat.system_status > Status.CALIBRATING
     # PX4 says UNINIT also of a vehicle that is up and may not arm just now; ArduPilot says BOOT at boot only.
     if was_up and message.system_status == Status.BOOT:
@@ -231,11 +231,11 @@ def _heartbeat(state: VehicleState, message: Heartbeat, now: float) -> dict[str,
     return news
 
 
-def _sys_status(state: VehicleState, message: SysStatus, _now: float) -> dict[str, Any]:
+def _sys_status(state: VehicleState, message: SysStatus, _now: float) -> dict[str, object]:
     """Take the arming check, the remote control, and the battery unless it has a message of its own."""
     healthy = message.onboard_control_sensors_health
     receives = bool(message.onboard_control_sensors_present & RC_RECEIVER)
-    news: dict[str, Any] = {
+    news: dict[str, object] = {
         "prearm_ok": bool(healthy & PREARM_OK),
         "remote_control": bool(healthy & RC_RECEIVER) if receives else None,
     }
@@ -249,7 +249,7 @@ def _sys_status(state: VehicleState, message: SysStatus, _now: float) -> dict[st
     return news
 
 
-def _battery_status(_state: VehicleState, message: BatteryStatus, _now: float) -> dict[str, Any]:
+def _battery_status(_state: VehicleState, message: BatteryStatus, _now: float) -> dict[str, object]:
     """Take the first battery."""
     if message.id != 0:
         return {}
@@ -274,7 +274,7 @@ def _amperes(centiamperes: int) -> float | None:
     return centiamperes / 100 if centiamperes >= 0 else None
 
 
-def _gps(_state: VehicleState, message: GpsRawInt, now: float) -> dict[str, Any]:
+def _gps(_state: VehicleState, message: GpsRawInt, now: float) -> dict[str, object]:
     """Take a fix of two or three dimensions, forget it when it is lost: PX4 tells its last place on."""
     kind = FIX_TYPES.get(message.fix_type)
     satellites = None if message.satellites_visible == 255 else message.satellites_visible
@@ -292,7 +292,7 @@ def _gps(_state: VehicleState, message: GpsRawInt, now: float) -> dict[str, Any]
 
 def _estimator(
     state: VehicleState, message: EkfStatusReport | EstimatorStatus, _now: float
-) -> dict[str, Any]:
+) -> dict[str, object]:
     """Take the estimator's flags."""
     had = state.had_estimate or bool(message.flags & _ABSOLUTE_POSITION)
     return {"estimator_flags": message.flags, "had_estimate": had}
@@ -305,14 +305,14 @@ def _is_place(latitude: int, longitude: int) -> bool:
     )
 
 
-def _attitude(_state: VehicleState, message: Attitude, now: float) -> dict[str, Any]:
+def _attitude(_state: VehicleState, message: Attitude, now: float) -> dict[str, object]:
     """Take an attitude that is made of numbers."""
     if not all(map(math.isfinite, (message.roll, message.pitch, message.yaw))):
         return {}
     return {"attitude": Angles(message.roll, message.pitch, message.yaw), "attitude_at": now}
 
 
-def _position(_state: VehicleState, message: GlobalPositionInt, now: float) -> dict[str, Any]:
+def _position(_state: VehicleState, message: GlobalPositionInt, now: float) -> dict[str, object]:
     """Take a position, unless the estimator has none yet."""
     if not _is_place(message.lat, message.lon):
         return {}
@@ -325,26 +325,26 @@ def _position(_state: VehicleState, message: GlobalPositionInt, now: float) -> d
     }
 
 
-def _home(_state: VehicleState, message: HomePosition, _now: float) -> dict[str, Any]:
+def _home(_state: VehicleState, message: HomePosition, _now: float) -> dict[str, object]:
     """Take the home position."""
     if not _is_place(message.latitude, message.longitude):
         return {}
     return {"home": GeoPoint(message.latitude / 1e7, message.longitude / 1e7, message.altitude / 1000)}
 
 
-def _landed(_state: VehicleState, message: ExtendedSysState, _now: float) -> dict[str, Any]:
+def _landed(_state: VehicleState, message: ExtendedSysState, _now: float) -> dict[str, object]:
     """Take whether it is on the ground, and whether a VTOL hovers."""
     landed = _LANDED.get(message.landed_state, _UNDEFINED)
     return {"landed": landed, "vtol_state": message.vtol_state}
 
 
-def _mission(_state: VehicleState, message: MissionCurrent, _now: float) -> dict[str, Any]:
+def _mission(_state: VehicleState, message: MissionCurrent, _now: float) -> dict[str, object]:
     """Take the active item of the stored mission; 0 and 65535 items mean that there is none."""
     total = message.total if message.total not in {0, _UNKNOWN_16} else None
     return {"mission_current": message.seq, "mission_total": total}
 
 
-_CHANGES: Mapping[type[MavlinkMessage], Callable[[VehicleState, Any, float], dict[str, Any]]] = {
+_CHANGES: Mapping[type[MavlinkMessage], Callable[[VehicleState, Any, float], dict[str, object]]] = {
     Attitude: _attitude,
     BatteryStatus: _battery_status,
     EkfStatusReport: _estimator,

@@ -10,7 +10,6 @@ import asyncio
 import contextlib
 from collections import deque
 from collections.abc import Callable
-from typing import Any
 
 from fleet import Clock, LinkLost, NotReady, Robot, Vector3, Velocity
 from fleet.link.base import Address, Link
@@ -205,11 +204,11 @@ class Board:
         scale = allowed / fastest
         return Velocity(Vector3(velocity.linear.x * scale), velocity.yaw_rate * scale)
 
-    def _errors(self) -> tuple[dict[str, Any], ...]:
+    def _errors(self) -> tuple[dict[str, object], ...]:
         """Return what the base complained of lately, and what the line spoiled."""
         now = self._robot.clock.monotonic()
         self._troubles = {text: at for text, at in self._troubles.items() if now - at < TROUBLE_SHOWN}
-        errors: list[dict[str, Any]] = [{"code": "base", "message": text} for text in self._troubles]
+        errors: list[dict[str, object]] = [{"code": "base", "message": text} for text in self._troubles]
         spoiled, self._garbage = self.codec.garbage - self._garbage, self.codec.garbage
         if spoiled:
             errors.append({"code": "line", "message": f"{spoiled} pieces made no sense", "count": spoiled})

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Any
 
 from fleet import BatteryReport, PoseReport
 from fleet.model.geometry import Vector3
@@ -64,7 +63,7 @@ class Observer:
         full = percent(self.voltage, self._curve) if self.voltage is not None and self._curve else None
         return BatteryReport(stamp, percent=full, voltage=self.voltage)
 
-    def metrics(self, stamp: float, errors: tuple[dict[str, Any], ...]) -> MetricsReport:
+    def metrics(self, stamp: float, errors: tuple[dict[str, object], ...]) -> MetricsReport:
         """Return the numbers for people."""
         odometry, battery = self.odometry, self.battery(stamp)
         power = {

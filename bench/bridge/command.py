@@ -57,5 +57,5 @@ def run():
         p50, p99 = (quantile * 1e6 for quantile in quantiles(taken))
         line(f"command while {OUT} /s flow out: {name}", f"{p50:.0f} / {p99:.0f} us", f"{len(taken)} came")
     (ours, our99), (peer, peer99) = quantiles(results["fleet"]), quantiles(results["peer"])
-    line("p50 against the peer", f"{ours / peer:.2f} x", "aim: at most 0.5")
-    line("p99 against the peer", f"{our99 / peer99:.2f} x", "aim: at most 0.5")
+    line("p50 against the peer", f"{ours / peer:.2f} x", "aim: at most 0.65")
+    line("p99 against the peer", f"{our99 / peer99:.2f} x", "aim: at most 0.65")

@@ -12,9 +12,9 @@ import time
 
 from bench.bridge.sides import Ears, side, source
 from bench.common import free_port, line, listener, mosquitto
-from fleet.testing.asker import Asker, counted, executed
-from fleet.testing.promises import Rules, What, broken
-from fleet.testing.proxy import TcpProxy
+from tests.tools.asker import Asker, counted, executed
+from tests.tools.promises import Rules, What, broken
+from tests.tools.proxy import TcpProxy
 
 KILLS = 5
 COMMANDS = 60  # for each kill of the broker

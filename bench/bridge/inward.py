@@ -8,7 +8,7 @@ import time
 
 from bench.bridge.sides import SIDES, side
 from bench.common import cpu_seconds, line, mosquitto
-from fleet.testing.mqtt import Mqtt
+from tests.tools.mqtt import Mqtt
 
 OFFERED = 20_000  # messages a second
 SECONDS = 4

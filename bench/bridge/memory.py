@@ -12,7 +12,7 @@ import psutil
 
 from bench.bridge.sides import Ears, side, source
 from bench.common import free_port, line, listener, mosquitto
-from fleet.testing.proxy import TcpProxy
+from tests.tools.proxy import TcpProxy
 
 THOUSANDS = 150  # messages of the short form
 OFFERED = 8000  # messages a second

@@ -14,7 +14,7 @@ import time
 import psutil
 
 from bench.common import fleet, free_port, line, listener, mosquitto, puppets, wait_for
-from fleet.testing.mqtt import Mqtt
+from tests.tools.mqtt import Mqtt
 
 ROBOTS = 10
 RATE = 100.0  # durable messages a second of each robot

@@ -2,7 +2,7 @@
 
 from bench.bridge.sides import SIDES, carried
 from bench.common import line, mosquitto, quantiles
-from fleet.testing.proxy import TcpProxy
+from tests.tools.proxy import TcpProxy
 
 ROUND_TRIP = 0.05  # s
 OFFERED = {"fleet": 1000, "peer": 200, "floor": 1000}  # messages a second; the peer carries 20

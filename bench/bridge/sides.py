@@ -10,7 +10,7 @@ import time
 from pathlib import Path
 
 from bench.common import cpu_seconds, fleet, free_port, process, puppets, twin_of, wait_for
-from fleet.testing.mqtt import Mqtt
+from tests.tools.mqtt import Mqtt
 
 TWINS = 50
 READY = 10**9  # the number of the command by which a side is seen to be ready

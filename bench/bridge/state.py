@@ -9,7 +9,7 @@ import time
 import psutil
 
 from bench.common import cpu_seconds, fleet, line, mosquitto, process, puppets, wait_for
-from fleet.testing.mqtt import Mqtt
+from tests.tools.mqtt import Mqtt
 
 SECONDS = 10.0
 LOOKED_AT = 10  # robots whose messages are counted

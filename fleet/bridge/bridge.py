@@ -176,7 +176,7 @@ class Bridge:
         return True
 
     def beat(
-        self, extra: Mapping[str, Any], edge: EdgeState | None = None, robots: Iterable[RobotState] = ()
+        self, extra: Mapping[str, object], edge: EdgeState | None = None, robots: Iterable[RobotState] = ()
     ) -> None:
         """Publish the heartbeat of every twin, with how its robot is, and the edge's own.
 

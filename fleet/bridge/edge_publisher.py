@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
-from typing import Any
 
 from fleet.bridge.command_replies import RobotPort
 from fleet.bridge.counters import ClassCounts
@@ -35,13 +34,13 @@ class EdgePublisher:
         self._clock = clock
         self._began = clock.monotonic()
 
-    def telemetry(self, port: RobotPort, kind: str, fields: dict[str, Any]) -> tuple[str, bytes]:
+    def telemetry(self, port: RobotPort, kind: str, fields: dict[str, object]) -> tuple[str, bytes]:
         """Return topic and payload of a telemetry message."""
         report = TelemetryReport(self._clock.time(), kind, fields)
         ((suffix, payload),) = to_mqtt(report, sender(source_type=port.source_type, session=self._session))
         return self._topics.twin(port.twin, suffix), payload
 
-    def tell(self, port: RobotPort, kind: str, fields: dict[str, Any]) -> None:
+    def tell(self, port: RobotPort, kind: str, fields: dict[str, object]) -> None:
         """Queue a telemetry message."""
         self.said.add(TrafficClass.EVENT)
         self._publish(*self.telemetry(port, kind, fields), qos=1, later=True)
@@ -64,7 +63,7 @@ class EdgePublisher:
         self._publish(self._topics.edge(self._edge), payload, later=True)
 
     def beat(
-        self, port: RobotPort, extra: Mapping[str, Any], streams: Mapping[str, Mapping[str, Any]]
+        self, port: RobotPort, extra: Mapping[str, object], streams: Mapping[str, Mapping[str, object]]
     ) -> None:
         """Queue the heartbeat of a twin; ``extra``: figures of the host, and how the robot is.
 

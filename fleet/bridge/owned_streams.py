@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Callable, Collection
-from typing import Any
 
 from fleet.clock import Clock
 from fleet.errors import WireError
@@ -46,7 +45,7 @@ class OwnedStreams:
             elif stream is not None:
                 self._refusals.add("too many", "%s has more than %d streams", parsed.twin, MOST)
 
-    def of(self, twin: str) -> dict[str, dict[str, Any]]:
+    def of(self, twin: str) -> dict[str, dict[str, object]]:
         """Return ``edge_health.streams`` of a twin."""
         now = self._clock.time()
         with self._lock:

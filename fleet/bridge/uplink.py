@@ -23,22 +23,18 @@ from fleet.model.report import Report
 from fleet.runtime.rate_limited_counter import RateLimitedCounter
 from fleet.wire.databus import decode_report, unread_fields
 from fleet.wire.documents import document_out
-from fleet.wire.encoding import encode_all
 from fleet.wire.events import TOLD_TO_THE_CLOUD, is_of_the_fleet, unproven
 from fleet.wire.parts import ends_every_stream, part_of
-from fleet.wire.reports import Message, messages_of, to_mqtt
-from fleet.wire.rules import TopicRule, TrafficClass
+from fleet.wire.reports import to_mqtt
+from fleet.wire.rules import TopicRule
 from fleet.wire.topics import Topics, data_key, parse_data_key
 
 log = logging.getLogger(__name__)
 
-STEP = 8  # samples in one step of a turn: together they cost less than by themselves
+STEP = 8  # samples in one step of a turn
 LOOKS = 100  # looks for what must be repeated in one step
 STRANGERS = 10_000  # keys that are remembered as not ours; anybody on the bus can invent more
 TELL_EVERY = 10.0  # s between warnings of dropped events
-
-Sample = tuple[OutboundChannel, Report | bytes]
-"""What crosses: a slot, and what was its newest when it was taken from there."""
 
 OpenWay = Callable[[str, TopicRule], Way]
 """Opens the way to a topic by its rule, once."""
@@ -49,9 +45,6 @@ class Client(Protocol):
 
     def queue(self, way: Way, payload: bytes) -> None:
         """Take one."""
-
-    def queue_all(self, ways: Sequence[Way], payloads: Sequence[bytes]) -> None:
-        """Take some."""
 
 
 class Uplink:
@@ -116,7 +109,7 @@ class Uplink:
         else:
             slot = self._meet(key)
             if slot is not None and not slot.document:
-                self._look_for_unread(slot, sample)
+                _tell_unread(slot, sample, self.refusals)
         if slot is None:
             return
         if slot.ours and (not slot.shared or is_of_the_fleet(sample, slot.channel)):
@@ -124,13 +117,6 @@ class Uplink:
             self.refusals.add("forged", line, slot.channel, slot.twin)
             return
         self._take(slot, sample)
-
-    def _look_for_unread(self, slot: OutboundChannel, sample: bytes) -> None:
-        """Tell what of a program's messages does not cross, by the first that comes on a key."""
-        unread = unread_fields(slot.channel, sample)
-        if unread:
-            line = "of %s of %s these fields do not cross: %s"
-            self.refusals.add("unknown fields", line, slot.channel, slot.twin, ", ".join(unread)[:200])
 
     def open(self, key: str) -> OutboundChannel | None:
         """Return where this process's own reports of a key cross; None when none may.
@@ -154,17 +140,15 @@ class Uplink:
         What is small and due crosses there and then, while it is at hand.
         """
         now, held_up, backlog = self._clock.monotonic(), self._held_up, self._backlog
-        going, counts = [], self.received.counts
         for slot, report in batch:
             waits = slot.fresh or held_up or (slot.streams and backlog >= slot.backlog)
             if slot.at_once and now >= slot.due and not waits:
-                counts[slot.traffic] += 1
+                self.received.counts[slot.traffic] += 1
                 slot.sample = report
                 slot.goes(now)
-                going.append((slot, report))
+                self._send(slot, report)
             else:
                 self._take(slot, report)
-        self._send_all(going)
 
     def _take(self, slot: OutboundChannel, sample: Report | bytes) -> None:
         """Take a sample: an event crosses at once, of a state the newest is kept for the turn."""
@@ -180,7 +164,7 @@ class Uplink:
             return
         if slot.durable:
             if not slot.rate or slot.takes_event(self._clock.monotonic()):
-                self._send_walled(slot, sample)
+                self._send(slot, sample)
             else:
                 self.dropped.add(slot.rule.traffic)
             return
@@ -212,7 +196,7 @@ class Uplink:
             topic = self._topics.twin(slot.twin, slot.rule.suffix)
             now, wall = self._clock.monotonic(), self._clock.time()
             if self.events.admits(topic, sample, now, wall, heard=heard is not None):
-                self._send_walled(slot, heard or sample)
+                self._send(slot, heard or sample)
         return True
 
     def turn(self) -> Iterator[None]:
@@ -232,23 +216,16 @@ class Uplink:
         for slot in self._repeated:
             if slot.sample and not slot.refused and self._alive(slot.info.robot):
                 slot.goes(now)
-                self._send_walled(slot, slot.sample)
+                self._send(slot, slot.sample)
 
     def _send_newest(self, now: float) -> Iterator[None]:
         """Send the newest of each state that is due; a stream only while the way is free."""
-        step: list[Sample] = []
         for number in range(1, len(self._fresh) + 1):
             slot = self._fresh.popleft()
-            goes = self._may_go(slot, now)
-            if goes and not slot.heavy:
-                step.append((slot, slot.sample))
+            if self._may_go(slot, now):
+                self._send(slot, slot.sample)
             if slot.heavy or not number % STEP:
-                self._send_all(step)
-                step = []  # nothing is held while others have their turn
-                if goes and slot.heavy:
-                    self._send_walled(slot, slot.sample)
                 yield
-        self._send_all(step)
 
     def _may_go(self, slot: OutboundChannel, now: float) -> bool:
         """Tell whether a slot's newest sample goes now; else it stays for a later turn, or is dropped."""
@@ -276,78 +253,38 @@ class Uplink:
             silent = now - slot.sent >= slot.silence
             if silent and slot.sample and not slot.refused and self._alive(slot.info.robot):
                 slot.goes(now)
-                self._send_walled(slot, slot.sample)
+                self._send(slot, slot.sample)
                 yield
             elif not number % LOOKS:
                 yield
 
-    def _send_all(self, step: Sequence[Sample]) -> None:
-        """Send some samples: in one go, unless one of them needs a closer look."""
-        if self.held:
-            step = [(slot, sample) for slot, sample in step if slot.twin not in self.held]
-        if not step:
+    def _send(self, slot: OutboundChannel, sample: Report | bytes) -> None:
+        """Translate one sample and publish what it becomes; whatever is wrong with it is its own."""
+        if slot.twin in self.held:
             return
-        messages = self._together(step)
-        if messages is None:
-            for slot, sample in step:
-                self._send_walled(slot, sample)
-            return
-        ways, payloads = messages
-        if ways:
-            self._client.queue_all(ways, payloads)
-
-    def _together(self, step: Sequence[Sample]) -> tuple[list[Way], list[bytes]] | None:
-        """Return what some samples become; None when one of them has to be looked at by itself."""
-        ways: list[Way] = []
-        made: list[Message] = []
-        states = 0
         try:
-            for slot, sample in step:
-                report = decode_report(slot.channel, sample) if isinstance(sample, bytes) else sample
-                suffixes = messages_of(report, slot.by, slot.off)
-                if not slot.streams:
-                    states += len(suffixes)
-                slot.refused = False
-                for suffix, message in suffixes:
-                    ways.append(slot.ways[suffix])
-                    made.append(message)
-        except Exception:  # noqa: BLE001 - whose it is, and why, is found one by one; new ways are opened then
-            return None
-        payloads = encode_all(made)
-        if payloads is None:
-            return None
-        if payloads and max(map(len, payloads)) > min([slot.size for slot, _ in step]):
-            return None
-        self.sent.counts[TrafficClass.LATEST] += states
-        self.sent.counts[TrafficClass.STREAM] += len(made) - states
-        return ways, payloads
-
-    def _send_walled(self, slot: OutboundChannel, sample: Report | bytes) -> None:
-        """Send a sample; whatever is wrong with it keeps no other from being sent."""
-        try:
-            self._send(slot, sample)
+            messages = self._translated(slot, sample)
+            slot.refused = False
+            for suffix, payload in messages:
+                self._queue(slot, suffix, payload)
+        except WireError as error:
+            self._refuse(slot, error)
         except Exception as error:  # noqa: BLE001 - the wall: it is one robot's
             slot.refused = True
             line = "a sample on %s of %s did not cross: %s"
             self.refusals.add("failed", line, slot.channel, slot.twin, repr(error))
 
-    def _send(self, slot: OutboundChannel, sample: Report | bytes) -> None:
-        """Translate one sample and publish what it becomes."""
-        if slot.twin in self.held:
+    def _queue(self, slot: OutboundChannel, suffix: str, payload: bytes) -> None:
+        """Publish one message; the way to its topic is opened once."""
+        if len(payload) > slot.size:
+            line = "%s of %s: %d bytes are more than the %d of its rule"
+            self.refusals.add("too large", line, suffix, slot.twin, len(payload), slot.size)
             return
-        try:
-            messages = self._translated(slot, sample)
-        except WireError as error:
-            self._refuse(slot, error)
-            return
-        slot.refused = False
-        for suffix, payload in messages:
-            if len(payload) > slot.size:
-                line = "%s of %s: %d bytes are more than the %d of its rule"
-                self.refusals.add("too large", line, suffix, slot.twin, len(payload), slot.size)
-                continue
-            self.sent.counts[slot.traffic] += 1
-            self._client.queue(slot.ways.get(suffix) or self._open(slot, suffix), payload)
+        way = slot.ways.get(suffix)
+        if way is None:
+            way = slot.ways[suffix] = self._open_way(self._topics.twin(slot.twin, suffix), slot.rule)
+        self.sent.counts[slot.traffic] += 1
+        self._client.queue(way, payload)
 
     def _refuse(self, slot: OutboundChannel, error: WireError) -> None:
         """Count what cannot cross, and tell why."""
@@ -362,11 +299,6 @@ class Uplink:
             return [(suffix, document_out(suffix, sample, source_type=source_type, session=self._session))]
         report = unproven(decode_report(slot.channel, sample)) if isinstance(sample, bytes) else sample
         return to_mqtt(report, slot.by, slot.off)
-
-    def _open(self, slot: OutboundChannel, suffix: str) -> Way:
-        """Open the way to a topic, once."""
-        way = slot.ways[suffix] = self._open_way(self._topics.twin(slot.twin, suffix), slot.rule)
-        return way
 
     def _meet(self, key: str) -> OutboundChannel | None:
         """Decide what a key is, once: a slot of ours, or None for what does not cross."""
@@ -388,3 +320,11 @@ class Uplink:
         if kept is slot and slot.repeat:
             self._repeated.append(slot)
         return kept
+
+
+def _tell_unread(slot: OutboundChannel, sample: bytes, refusals: RateLimitedCounter) -> None:
+    """Tell what of a program's messages does not cross, by the first that comes on a key."""
+    unread = unread_fields(slot.channel, sample)
+    if unread:
+        line = "of %s of %s these fields do not cross: %s"
+        refusals.add("unknown fields", line, slot.channel, slot.twin, ", ".join(unread)[:200])

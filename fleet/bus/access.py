@@ -9,7 +9,7 @@ everything.
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from typing import Any, Literal
+from typing import Literal
 
 import msgspec
 
@@ -66,7 +66,7 @@ class _Rule(msgspec.Struct, frozen=True):
     permission: Literal["allow", "deny"] = "allow"
     flow: Literal["ingress", "egress"] = "ingress"
 
-    def as_zenoh(self, name: str) -> dict[str, Any]:
+    def as_zenoh(self, name: str) -> dict[str, object]:
         """Return the rule in Zenoh's words."""
         return {
             "id": name,
@@ -130,7 +130,7 @@ def _worker_rules(name: str, edge: str) -> tuple[_Rule, ...]:
     )
 
 
-def access_control(access: Access, edge: str, protocols: Iterable[str]) -> dict[str, Any]:
+def access_control(access: Access, edge: str, protocols: Iterable[str]) -> dict[str, object]:
     """Return Zenoh's access control for both sessions of an edge that speaks these protocols.
 
     Who comes by a protocol that shows no certificate may do everything: fleet.yaml has let it in by a

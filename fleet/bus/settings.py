@@ -15,7 +15,7 @@ import stat
 import tempfile
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, Literal
+from typing import Literal
 
 import msgspec
 
@@ -169,9 +169,9 @@ def zenoh_settings(
     listen: tuple[str, ...],
     connect: tuple[str, ...],
     users: Path | None = None,
-) -> dict[str, Any]:
+) -> dict[str, object]:
     """Return Zenoh's own configuration, by path, for one session; ``users``: the file of who may join."""
-    values: dict[str, Any] = {
+    values: dict[str, object] = {
         "mode": mode,
         "listen/endpoints": list(listen),
         "connect/endpoints": list(connect),
@@ -211,10 +211,10 @@ def _protocols(settings: BusSettings) -> list[str]:
     return sorted(spoken)
 
 
-def _tls(tls: BusTls) -> dict[str, Any]:
+def _tls(tls: BusTls) -> dict[str, object]:
     """Return the certificates' part."""
     root = "transport/link/tls"
-    values: dict[str, Any] = {
+    values: dict[str, object] = {
         f"{root}/enable_mtls": tls.mutual,
         f"{root}/verify_name_on_connect": tls.verify_name,
     }

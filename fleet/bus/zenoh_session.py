@@ -116,12 +116,12 @@ class Query:
 class ZenohSession:
     """An open session; ``settings`` are Zenoh's own, by path. Raises BusError when it cannot open."""
 
-    def __init__(self, settings: Mapping[str, Any]) -> None:
+    def __init__(self, settings: Mapping[str, object]) -> None:
         try:
             self._session = zenoh.open(_config(settings))
         except zenoh.ZError as error:
             raise BusError(f"the bus cannot be opened: {_first_line(error)}") from None
-        self._kept: list[Any] = []
+        self._kept: list[object] = []
         self._threads: list[threading.Thread] = []
 
     def close(self) -> None:
@@ -282,7 +282,7 @@ class ZenohSession:
         self._kept.append(self._session.liveliness().declare_subscriber(key, _direct(changed), history=True))
 
 
-def _config(settings: Mapping[str, Any]) -> zenoh.Config:
+def _config(settings: Mapping[str, object]) -> zenoh.Config:
     """Return Zenoh's configuration; raises BusError naming the setting that it does not take."""
     config = zenoh.Config()
     for path, value in settings.items():

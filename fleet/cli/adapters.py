@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import pathlib
 from collections.abc import Iterable
-from typing import Any
 
 import click
 import msgspec
@@ -124,9 +123,9 @@ def _description(plugin: Plugin) -> AdapterDescription | None:
     return plugin.description
 
 
-def _described(plugin: Plugin) -> dict[str, Any]:
+def _described(plugin: Plugin) -> dict[str, object]:
     """Return everything about a plugin, for programs."""
-    about: dict[str, Any] = {
+    about: dict[str, object] = {
         "name": plugin.name,
         "state": plugin.state,
         "origin": plugin.origin,

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 import uuid
 from pathlib import Path
-from typing import Any
 
 import click
 
@@ -101,7 +100,7 @@ def _turn(edges: Edges, name: str) -> None:
         _go(edges, name, "goto", **here, yaw=math.remainder(quarter * math.pi / 2, math.tau))
 
 
-def _go(edges: Edges, name: str, command: str, **fields: Any) -> None:
+def _go(edges: Edges, name: str, command: str, **fields: object) -> None:
     """Have a robot go somewhere and wait until it is there; raises Refused with the reason."""
     message = {"command": command, "action_id": uuid.uuid4().hex, **fields}
     message["constraints"] = {"max_speed_ms": SPEED}

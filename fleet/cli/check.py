@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections import Counter
-from typing import Any
 
 import click
 import msgspec
@@ -55,7 +54,7 @@ def _of_certificates(loaded: Loaded) -> list[Problem]:
     ]
 
 
-def _summary(loaded: Loaded) -> dict[str, Any]:
+def _summary(loaded: Loaded) -> dict[str, object]:
     """Return what the file says, for programs."""
     cloud = loaded.config.cloud
     return {

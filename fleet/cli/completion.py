@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import click
 from click.shell_completion import CompletionItem, get_completion_class
@@ -21,7 +21,7 @@ VARIABLE = "_FLEET_COMPLETE"
 class RunningName(click.ParamType):  # type: ignore[type-arg]  # generic in newer clicks alone
     """A name that the edges which run here know; ``names`` asks them, with what stands before it."""
 
-    def __init__(self, name: str, names: Callable[[Edges, Mapping[str, Any]], set[str]]) -> None:
+    def __init__(self, name: str, names: Callable[[Edges, Mapping[str, object]], set[str]]) -> None:
         self.name = name
         self._names = names
 
@@ -42,24 +42,24 @@ class RunningName(click.ParamType):  # type: ignore[type-arg]  # generic in newe
         return [CompletionItem(name) for name in sorted(names) if name.startswith(incomplete)]
 
 
-def _robots(edges: Edges, _given: Mapping[str, Any]) -> set[str]:
+def _robots(edges: Edges, _given: Mapping[str, object]) -> set[str]:
     """Return the robots and groups."""
     groups = {group for edge in edges.edges() for group in edge.groups}
     return groups | {state.name for state in edges.states()}
 
 
-def _commands(edges: Edges, given: Mapping[str, Any]) -> set[str]:
+def _commands(edges: Edges, given: Mapping[str, object]) -> set[str]:
     """Return what the robot of the same line takes."""
     (robot, *_) = edges.named(str(given.get("robot")))
     return {one.name for one in edges.description(robot).commands}
 
 
-def _places(edges: Edges, _given: Mapping[str, Any]) -> set[str]:
+def _places(edges: Edges, _given: Mapping[str, object]) -> set[str]:
     """Return the places."""
     return {place for edge in edges.edges() for place in edge.places}
 
 
-def _schedules(edges: Edges, _given: Mapping[str, Any]) -> set[str]:
+def _schedules(edges: Edges, _given: Mapping[str, object]) -> set[str]:
     """Return the schedules."""
     return {state.name for _, state in edges.schedules()}
 

@@ -7,7 +7,6 @@ import math
 import uuid
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
 import click
 import msgspec
@@ -110,7 +109,7 @@ def goto(
         raise click.UsageError(f"{name} has a frame of its own: leave --geo and --site out")
     said = None if name else _aim(places, path, geo=geo, site=site)
 
-    def messages(edges: Edges, robots: list[RobotState]) -> list[dict[str, Any]]:
+    def messages(edges: Edges, robots: list[RobotState]) -> list[dict[str, object]]:
         aim = said or _of_place(edges.place(name, robots))
         aim = msgspec.structs.replace(aim, yaw=aim.yaw if yaw is None else yaw, speed=speed, spacing=spacing)
         made = goals(aim, robots)
@@ -147,7 +146,7 @@ def _said(places: tuple[str, ...]) -> Waypoints:
         raise click.UsageError(error.reason) from None
 
 
-def goals(aim: GotoTarget, robots: list[RobotState]) -> list[dict[str, Any]]:
+def goals(aim: GotoTarget, robots: list[RobotState]) -> list[dict[str, object]]:
     """Return each robot's message; raises Refused for one point for several, and without a common frame."""
     _require_one_frame(aim, robots)
     if aim.named is not None and (trouble := aim.named.trouble([Vector3()] * len(robots))):
@@ -201,13 +200,13 @@ def _is_one(one: Placement | None, other: Placement | None) -> bool:
     return (one.origin - other.origin).norm() <= ONE_FRAME and abs(one.yaw - other.yaw) <= ONE_FRAME
 
 
-def _message(aim: GotoTarget, robot: RobotState, step: Vector3) -> dict[str, Any]:
+def _message(aim: GotoTarget, robot: RobotState, step: Vector3) -> dict[str, object]:
     """Return the message that sends a robot to the place, ``step`` beside it, or along its path."""
-    message: dict[str, Any] = {"command": "goto", "action_id": uuid.uuid4().hex}
+    message: dict[str, object] = {"command": "goto", "action_id": uuid.uuid4().hex}
     yaw = aim.yaw
     if yaw is not None and aim.frame == "site" and robot.placement is not None:
         yaw -= robot.placement.yaw
-    turned: dict[str, Any] = {} if yaw is None else {"yaw": yaw}
+    turned: dict[str, object] = {} if yaw is None else {"yaw": yaw}
     if yaw is not None and aim.frame == "geo":
         turned = {"orientation": {"heading": (90.0 - math.degrees(yaw)) % 360.0}}
     if aim.way:
@@ -223,7 +222,7 @@ def _message(aim: GotoTarget, robot: RobotState, step: Vector3) -> dict[str, Any
     return message
 
 
-def _place(frame: str, place: Sequence[float], robot: RobotState, step: Vector3) -> dict[str, Any]:
+def _place(frame: str, place: Sequence[float], robot: RobotState, step: Vector3) -> dict[str, object]:
     """Return one place in the words of the message; a height that is not given is not said."""
     if frame == "geo":
         point = geo_from_world(GeoOrigin(place[0], place[1]), step)

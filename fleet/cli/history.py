@@ -6,7 +6,6 @@ import contextlib
 import os
 from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import Any
 
 import click
 import msgspec
@@ -130,6 +129,6 @@ def who(record: Record) -> str:
     return f"{name} ({known}, {asker.way.value})"
 
 
-def for_programs(record: Record) -> dict[str, Any]:
+def for_programs(record: Record) -> dict[str, object]:
     """Return an event for programs; ``time`` is its stamp with date and zone."""
     return {"time": iso(record.stamp), **msgspec.to_builtins(record)}

@@ -10,7 +10,6 @@ import os
 import sys
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
 
 import click
 
@@ -151,7 +150,7 @@ def main(arguments: Sequence[str]) -> int:
         if getattr(sys, name) is None:
             setattr(sys, name, Path(os.devnull).open("w", encoding="utf-8"))  # noqa: SIM115 - to the end
     try:
-        result: Any = fleet.main(args=list(arguments), prog_name="fleet", standalone_mode=False)
+        result: object = fleet.main(args=list(arguments), prog_name="fleet", standalone_mode=False)
         sys.stdout.flush()
     except click.Abort:
         return ExitCode.INTERRUPTED

@@ -8,7 +8,6 @@ import threading
 import uuid
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
 
 import click
 
@@ -76,7 +75,7 @@ _control("cancel", "End the mission of ROBOT: it holds where it is.")
 @with_output
 def clear(out: Output, robot: str, *, file: str | None) -> ExitCode:
     """Make ROBOT forget the mission in its memory."""
-    message: dict[str, Any] = {"command": "clear_mission", "data": {}}
+    message: dict[str, object] = {"command": "clear_mission", "data": {}}
     return ask(out, robot, "command", message, wait=True, timeout=RECEIPT_WITHIN, file=file)
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
 
 import click
 
@@ -34,7 +33,7 @@ timeout_option = click.option(
 )
 
 
-def log_options(function: Callable[..., Any]) -> Callable[..., Any]:
+def log_options(function: Callable[..., object]) -> Callable[..., object]:
     """Give a command that runs an edge the options of its log."""
     for option in (
         click.option(

@@ -10,7 +10,6 @@ import os
 import re
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
 
 import msgspec
 
@@ -54,7 +53,7 @@ def outline(file: str, environ: Mapping[str, str] = os.environ) -> Outline:
     return Outline(settings, tuple(problems))
 
 
-def _edge(data: Mapping[str, Any], document: Document) -> str:
+def _edge(data: Mapping[str, object], document: Document) -> str:
     """Return the edge's id, from the text where the section is broken; empty when there is none."""
     found = _text(_mapping(data, "edge"), "id") or ""
     if not found:
@@ -64,13 +63,13 @@ def _edge(data: Mapping[str, Any], document: Document) -> str:
     return found if _ID.fullmatch(found) else ""
 
 
-def _mapping(data: Mapping[str, Any], name: str) -> Mapping[str, Any]:
+def _mapping(data: Mapping[str, object], name: str) -> Mapping[str, object]:
     """Return a section; empty when it is none."""
     section = data.get(name)
     return section if isinstance(section, dict) else {}
 
 
-def _text(section: Mapping[str, Any], name: str) -> str | None:
+def _text(section: Mapping[str, object], name: str) -> str | None:
     """Return a text of a section, None when there is none; a number may be meant as one."""
     value = section.get(name)
     return None if value is None or isinstance(value, dict | list) or value == "" else str(value)
@@ -81,7 +80,7 @@ def _texts(value: object) -> tuple[str, ...]:
     return tuple(one for one in value if isinstance(one, str)) if isinstance(value, list) else ()
 
 
-def _tls(bus: Mapping[str, Any], folder: Path) -> BusTls:
+def _tls(bus: Mapping[str, object], folder: Path) -> BusTls:
     """Return the certificates, whose files stand beside the fleet file."""
     tls = _mapping(bus, "tls")
     places = {name: str(folder / given) for name in ("root_ca", "cert", "key") if (given := _text(tls, name))}

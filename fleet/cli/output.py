@@ -11,7 +11,7 @@ import shutil
 import sys
 import textwrap
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from typing import Any, TextIO
+from typing import TextIO
 
 import click
 
@@ -137,7 +137,7 @@ class Output:
         with contextlib.suppress(OSError):
             self._err.write(f"{printable(text)}\n")
 
-    def data(self, value: Any) -> None:
+    def data(self, value: object) -> None:
         """Write the result for programs, as one JSON document."""
         if self.as_json:
             self._out.write(json.dumps(value, indent=2, default=str) + "\n")
@@ -186,13 +186,13 @@ COLORS = {
 }
 
 
-def with_output(function: Callable[..., Any]) -> Callable[..., Any]:
+def with_output(function: Callable[..., object]) -> Callable[..., object]:
     """Give a command the options --json and --no-color and, as its first argument, its Output."""
 
     @click.option("--json", "as_json", is_flag=True, help="Print one JSON document for programs.")
     @click.option("--no-color", is_flag=True, help="Print without colours (as NO_COLOR=1 does).")
     @functools.wraps(function)
-    def command(*args: Any, as_json: bool, no_color: bool, **options: Any) -> Any:
+    def command(*args: object, as_json: bool, no_color: bool, **options: object) -> object:
         terminal = sys.stdout.isatty()
         color = terminal and not (no_color or os.environ.get("NO_COLOR"))
         width, height = shutil.get_terminal_size()

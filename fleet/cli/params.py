@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import TypeVar
 
 import click
 import msgspec
@@ -133,7 +133,7 @@ def diff(out: Output, robot: str, path: Path, *, file: str | None) -> ExitCode:
     return ExitCode.SOME_FAILED if names else ExitCode.OK
 
 
-def _question(names: tuple[str, ...]) -> tuple[str, dict[str, Any]]:
+def _question(names: tuple[str, ...]) -> tuple[str, dict[str, object]]:
     """Return the command that reads parameters, and its data."""
     return "get_parameters", {"names": list(names)} if names else {}
 

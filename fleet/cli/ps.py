@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import time
 from collections.abc import Iterator
-from typing import Any
 
 import click
 import msgspec
@@ -88,7 +87,7 @@ def _looks(file: str | None) -> Iterator[FleetState]:
         time.sleep(EVERY)
 
 
-def _document(found: FleetState) -> dict[str, Any]:
+def _document(found: FleetState) -> dict[str, object]:
     """Return what was found, for programs."""
     return {
         "edges": [for_programs(edge) for edge in found.edges],
@@ -96,7 +95,7 @@ def _document(found: FleetState) -> dict[str, Any]:
     }
 
 
-def for_programs(value: msgspec.Struct) -> dict[str, Any]:
+def for_programs(value: msgspec.Struct) -> dict[str, object]:
     """Return a value with all its fields, also those that have their default."""
-    fields: dict[str, Any] = msgspec.to_builtins(msgspec.structs.asdict(value))
+    fields: dict[str, object] = msgspec.to_builtins(msgspec.structs.asdict(value))
     return fields

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import click
 import msgspec
 
@@ -63,7 +61,7 @@ def _group(out: Output, answers: list[QueryResult]) -> ExitCode:
     rows, document, codes = [], [], []
     for each in answers:
         name, health = each.robot.name, each.robot.health
-        said: dict[str, Any] = {"robot": name, "health": health}
+        said: dict[str, object] = {"robot": name, "health": health}
         try:
             answer = _checked(each)
         except FleetError as error:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from typing import Any
 
 import click
 
@@ -71,7 +70,7 @@ def _release(out: Output, edges: Edges, stopped: Iterable[RobotState]) -> list[R
     return [last_reply(out, state, way, RELEASE, RECEIPT_WITHIN) for state, way in asked]
 
 
-def _for_programs(state: RobotState, cause: Record | None, reply: Reply) -> dict[str, Any]:
+def _for_programs(state: RobotState, cause: Record | None, reply: Reply) -> dict[str, object]:
     """Return what became of one robot, for programs."""
     return {
         "robot": state.name,

@@ -21,7 +21,7 @@ class QueryResult(msgspec.Struct, frozen=True):
     data: Any = None
     error: FleetError | None = None
 
-    def get(self) -> Any:
+    def get(self) -> object:
         """Return the data; raises the error."""
         if self.error is not None:
             raise self.error
@@ -38,7 +38,7 @@ class RobotQuery:
         self.robot: RobotState = found[0]
         self._edges = edges
 
-    def ask(self, command: str, data: dict[str, Any] | None = None, *, timeout: float) -> Any:
+    def ask(self, command: str, data: dict[str, Any] | None = None, *, timeout: float) -> object:
         """Return what the robot answers to a command; raises TimedOut, or Refused in its own words."""
         (answered,) = query_all(self._edges, [self.robot], command, data, timeout=timeout)
         return answered.get()
@@ -48,7 +48,7 @@ def query_all(
     edges: Edges,
     robots: Iterable[RobotState],
     command: str,
-    data: dict[str, Any] | None = None,
+    data: dict[str, object] | None = None,
     *,
     timeout: float,
 ) -> list[QueryResult]:

@@ -12,7 +12,6 @@ import json
 import math
 from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
-from typing import Any
 
 import msgspec
 
@@ -97,7 +96,7 @@ def _of_geojson(text: str) -> Waypoints:
     return Waypoints(tuple(places), geo=True)
 
 
-def _geometries(document: Any) -> Iterator[dict[str, Any]]:
+def _geometries(document: object) -> Iterator[dict[str, object]]:
     """Yield the geometries of a GeoJSON object, as far as they are objects."""
     if not isinstance(document, dict):
         return

@@ -22,7 +22,7 @@ from fleet.model.state import RobotState
 RECEIPT_WITHIN = 15.0  # s
 
 
-def pair(text: str) -> tuple[str, Any]:
+def pair(text: str) -> tuple[str, object]:
     """Return a  key=value  argument; the value is JSON where it can be read as such, else text."""
     name, equals, value = text.partition("=")
     if not name or not equals:
@@ -33,7 +33,7 @@ def pair(text: str) -> tuple[str, Any]:
         return name, value
 
 
-def _data(pairs: tuple[str, ...]) -> dict[str, Any]:
+def _data(pairs: tuple[str, ...]) -> dict[str, object]:
     """Return a command's data; a key that stands twice is a slip that must not move a robot."""
     data = dict(pair(each) for each in pairs)
     if len(data) != len(pairs):
@@ -115,7 +115,7 @@ def ask_each(
     out: Output,
     name: str,
     kind: str,
-    messages: Callable[[Edges, list[RobotState]], list[dict[str, Any]]],
+    messages: Callable[[Edges, list[RobotState]], list[dict[str, object]]],
     *,
     wait: bool,
     timeout: float,
@@ -166,7 +166,7 @@ def _begun(out: Output, start: CommonStart, *, wait: bool, within: float) -> lis
     return answers
 
 
-def _finite(messages: list[dict[str, Any]]) -> list[dict[str, Any]]:
+def _finite(messages: list[dict[str, object]]) -> list[dict[str, Any]]:
     """Return messages all of whose numbers can be sent; raises UsageError for others."""
     try:
         json.dumps(messages, allow_nan=False)

@@ -12,7 +12,6 @@ import tarfile
 import time
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
-from typing import Any
 
 import click
 import msgspec
@@ -88,7 +87,7 @@ def _edge_of(document: Document, environ: Mapping[str, str]) -> tuple[str, Path]
     return name, state_folder(name, Path(given) if isinstance(given, str) else None, environ)
 
 
-def _mapping(value: object) -> Mapping[str, Any]:
+def _mapping(value: object) -> Mapping[str, object]:
     """Return a mapping of the file; an empty one for what is none."""
     return value if isinstance(value, dict) else {}
 

@@ -9,10 +9,8 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import logging
-import socket
 import threading
-from collections.abc import Callable, Mapping, Sequence
-from typing import cast
+from collections.abc import Callable, Mapping
 
 import msgspec
 
@@ -22,7 +20,7 @@ from fleet.cloud.fallback_reader import FallbackReader
 from fleet.cloud.mqtt_connection import TRY_TLS, MqttConnection
 from fleet.cloud.mqtt_session import MqttSession, SessionRefused
 from fleet.cloud.outbound_queue import OutboundQueue
-from fleet.cloud.publish import PublishRoute
+from fleet.cloud.publish import PublishRoute, publish_route
 from fleet.cloud.reconnect_backoff import Backoff
 from fleet.cloud.topics import check_apart, check_topic
 from fleet.cloud.values import CloudMessage, CloudSettings, CloudState, CloudStats
@@ -142,8 +140,7 @@ class CloudClient:
             message = Outgoing(check_topic(topic), payload, qos, traffic, expiry, correlation, content_type)
             taken = self.spool.put(message)
         else:
-            where = self._outbox.address(topic, expiry, self._settings.protocol)
-            taken = self._outbox.put_light([where], [payload])
+            taken = self._outbox.put_light(publish_route(topic, expiry), payload)
         if later:
             self._queued = True
         elif taken:
@@ -156,7 +153,7 @@ class CloudClient:
         Raises ValueError for a topic with wildcards.
         """
         if not qos:
-            return self._outbox.address(topic, expiry, self._settings.protocol)
+            return publish_route(topic, expiry)
         return DurableRoute(check_topic(topic), qos, traffic, expiry)
 
     def queue(self, way: Way, payload: bytes) -> None:
@@ -165,15 +162,7 @@ class CloudClient:
             self.spool.put(Outgoing(way.topic, payload, way.qos, way.traffic, way.expiry))
             self._queued = True  # last: another thread's flush in between must not take the mark away
         else:
-            self._outbox.put_light([way], [payload])
-
-    def queue_all(self, ways: Sequence[Way], payloads: Sequence[bytes]) -> None:
-        """Do the same for each way and its payload, in one go where all are of QoS 0."""
-        if DurableRoute not in map(type, ways):
-            self._outbox.put_light(cast("Sequence[PublishRoute]", ways), payloads)
-            return
-        for way, payload in zip(ways, payloads, strict=True):
-            self.queue(way, payload)
+            self._outbox.put_light(way, payload)
 
     def flush_queued(self) -> None:
         """Flush, if something was queued since; from another thread that costs more than a message."""
@@ -206,10 +195,6 @@ class CloudClient:
     def _flush_now(self) -> None:
         """Write. The mark falls first, so that a message queued from now on asks for the next write."""
         self._flushing = False
-        self._write()
-
-    def _write(self) -> None:
-        """Write what waits."""
         if self._connection:
             self._connection.flush()
 
@@ -266,25 +251,24 @@ class CloudClient:
         try:
             async with asyncio.timeout(self._settings.connect_timeout):
                 opened = await endpoint.open_socket(self._settings, self._tls)
-                self._connection = connection = self._connect(opened, session)
+                self._connection = connection = MqttConnection(
+                    opened,
+                    session,
+                    self._settings,
+                    self._clock,
+                    deliver=self._deliver,
+                    take=self._on_read,
+                )
                 await connection.answered()
             return await self._serve_ready(connection, session)
         except TimeoutError:
             hint = "" if self._settings.tls else f"; if it wants TLS, {TRY_TLS}"
             return CloudError(f"the broker did not answer within {self._settings.connect_timeout:g} s{hint}")
-        finally:
-            self._finish(session)
-
-    def _connect(self, opened: socket.socket, session: MqttSession) -> MqttConnection:
-        """Begin the session on an open socket."""
-        return MqttConnection(
-            opened,
-            session,
-            self._settings,
-            self._clock,
-            deliver=self._deliver,
-            take=self._on_read,
-        )
+        finally:  # nothing of a connection is left but the messages that must be sent again
+            left, self._connection = self._connection, None
+            if left:
+                left.give_up(CloudError("given up"))
+            session.end()
 
     async def _serve_ready(self, connection: MqttConnection, session: MqttSession) -> CloudError:
         """Be connected until the connection ends; return why, or raise SessionRefused."""
@@ -294,7 +278,7 @@ class CloudClient:
             self._outbox.go_online()
             asyncio.get_running_loop().call_later(NEWEST_FIRST, self.flush)
             self._set_state(CloudState.CONNECTED, "; ".join(session.problems))
-            self._write()
+            self._flush_now()
             await asyncio.wait([connection.ended])
             lasted = self._clock.monotonic() - began
             for backoff in (self._network, self._refusals):
@@ -304,13 +288,6 @@ class CloudClient:
             raise reason
         return reason
 
-    def _finish(self, session: MqttSession) -> None:
-        """Leave nothing of a connection behind but the messages that must be sent again."""
-        connection, self._connection = self._connection, None
-        if connection:
-            connection.give_up(CloudError("given up"))
-        session.end()
-
     async def _watch(self) -> None:
         """Look after time: dead links, messages that are no longer worth sending."""
         while True:
@@ -318,7 +295,7 @@ class CloudClient:
             if self._connection:
                 self._connection.watch()
             self._outbox.tick()
-            self._write()
+            self._flush_now()
 
     def _deliver(self, messages: list[CloudMessage]) -> None:
         """Hand messages over; an error there must not end the connection."""

@@ -1,7 +1,6 @@
-"""What a broker sends a client, packet by packet.
+"""What a broker sends a client, packet by packet; of a damaged message, what can be told of it.
 
-A message of the usual form is read here, at once: the codec and its packet take several times as long, and a
-command waits meanwhile. Whatever is unusual about one, or wrong, is the codec's.
+A damaged message may be a stop, so it is not thrown away unread.
 """
 
 from __future__ import annotations
@@ -9,26 +8,15 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import mqtt5
-import msgspec
 
 from fleet.cloud.packets import MORE, PacketTooLarge, Protocol, decode
 from fleet.cloud.values import CloudMessage
 from fleet.errors import WireError
 
-_USUAL = {0x30: 0, 0x32: 1}
-"""The QoS of a PUBLISH, by its first byte; none of these was kept, or is sent again."""
 _PUBLISH = 3  # the first half of the first byte
 _QOS = 0x06  # the bits of the QoS in it
 
 
-class InboundPublish(msgspec.Struct, frozen=True):
-    """A message without properties; ``identifier`` is what it is acknowledged by, 0 with QoS 0."""
-
-    message: CloudMessage
-    identifier: int
-
-
-Arrival = mqtt5.Packet | InboundPublish
 HEAD = 1024  # bytes of a packet that is too large in which its topic stands
 
 
@@ -40,54 +28,19 @@ class MalformedPublish(WireError):
         self.message = message
 
 
-def reader(protocol: Protocol) -> Callable[[bytes, int, int], Arrival]:
-    """Return what reads a packet; it raises WireError for what is none."""
-    return _arrival5 if protocol == 5 else _arrival311
+def reader(protocol: Protocol) -> Callable[[bytes, int, int], mqtt5.Packet]:
+    """Return what reads a packet; it raises WireError for what is none, Damaged for such a message."""
 
+    def read(data: bytes, start: int, end: int) -> mqtt5.Packet:
+        try:
+            return decode(data, start, end, protocol)
+        except WireError as error:
+            message = _salvaged(data[start:end], protocol, str(error))
+            if message is None:
+                raise
+            raise MalformedPublish(error, message) from None
 
-def _arrival311(data: bytes, start: int, end: int) -> Arrival:
-    """Read a packet of MQTT 3.1.1."""
-    return _decoded(data, start, end, 311)
-
-
-def _arrival5(data: bytes, start: int, end: int) -> Arrival:
-    """Read a packet of MQTT 5."""
-    qos = _USUAL.get(data[start])
-    plain = None if qos is None else _plain(data, start + 1, end, qos)
-    return _decoded(data, start, end, 5) if plain is None else plain
-
-
-def _plain(data: bytes, at: int, end: int, qos: int) -> InboundPublish | None:
-    """Read a PUBLISH from its length on (MQTT 5, section 3.3); None for one that is the codec's."""
-    first = at
-    while data[at] & MORE:
-        at += 1
-    name = at + 3
-    if name > end or (at > first and not data[at]):  # the length has a byte too many
-        return None
-    rest = name + (data[at + 1] << 8 | data[at + 2])
-    body = rest + 2 * qos
-    if body >= end or data[body]:  # it is cut short, or has properties
-        return None
-    identifier = data[rest] << 8 | data[rest + 1] if qos else 0
-    try:
-        topic = data[name:rest].decode()
-    except UnicodeDecodeError:
-        return None
-    if (qos and not identifier) or not topic or "+" in topic or "#" in topic or "\0" in topic:
-        return None
-    return InboundPublish(CloudMessage(topic, data[body + 1 : end], qos), identifier)
-
-
-def _decoded(data: bytes, start: int, end: int, protocol: Protocol) -> mqtt5.Packet:
-    """Have the codec read a packet; raises Damaged for a message that it refuses, WireError for the rest."""
-    try:
-        return decode(data, start, end, protocol)
-    except WireError as error:
-        message = _salvaged(data[start:end], protocol, str(error))
-        if message is None:
-            raise
-        raise MalformedPublish(error, message) from None
+    return read
 
 
 def recover_publish(error: WireError) -> CloudMessage | None:

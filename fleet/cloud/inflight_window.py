@@ -6,9 +6,9 @@ import logging
 
 import mqtt5
 
-from fleet.cloud.outbound_queue import Batch, OutboundQueue
+from fleet.cloud.outbound_queue import OutboundQueue
 from fleet.cloud.packets import Protocol
-from fleet.cloud.publish import publish
+from fleet.cloud.publish import QueuedQos0, publish, publish_light
 from fleet.cloud.values import PAYLOAD_LIMIT, CloudStats
 from fleet.spool.message import Outcome, Outgoing
 
@@ -80,7 +80,7 @@ class InflightWindow:
             if not (batch or light):
                 break
             sent = b"".join([self._publish(message, now) for message in batch])
-            sent += b"".join(self._fitting(light))
+            sent += b"".join([self._publish_light(message, now) for message in light])
         self._stats.inflight = len(self._inflight)
         return sent
 
@@ -120,7 +120,7 @@ class InflightWindow:
         known = mqtt5.PubRelReasonCode.SUCCESS if message else mqtt5.PubRelReasonCode.PACKET_ID_NOT_FOUND
         return mqtt5.PubRelPacket(packet.packet_id, reason_code=known)
 
-    def completed(self, packet: mqtt5.PubCompPacket) -> None:
+    def completed(self, packet: mqtt5.PubCompPacket, _now: float) -> None:
         """Note that the broker has a QoS 2 message, once."""
         message = self._inflight.pop(packet.packet_id, None)
         if message is not None:
@@ -156,23 +156,18 @@ class InflightWindow:
             self._timed = self._timed or (identifier, now)
         return data
 
-    def _fitting(self, light: list[Batch]) -> list[bytes]:
-        """Return the packets of QoS 0 that the broker takes, which are counted; tell of the others."""
-        packets = [packet for light_batch in light for packet in light_batch.packets]
-        if sum(map(len, packets)) > self._packet_limit:
-            where = [each for light_batch in light for each in light_batch.where]
-            both = zip(where, packets, strict=True)
-            packets = [packet for each, packet in both if self._fits(each.topic, packet)]
-        self._stats.sent += len(packets)
-        return packets
-
-    def _fits(self, topic: str, packet: bytes) -> bool:
-        """Tell whether the broker takes a packet of QoS 0."""
-        if len(packet) <= self._packet_limit:
-            return True
-        self._cannot(topic, self._too_large(packet))
-        self._stats.outcomes[Outcome.REFUSED] += 1
-        return False
+    def _publish_light(self, message: QueuedQos0, now: float) -> bytes:
+        """Return the bytes of one message of QoS 0; empty when the broker would refuse it."""
+        try:
+            data = publish_light(message, now, self._protocol)
+            if len(data) > self._packet_limit:
+                raise self._too_large(data)
+        except (ValueError, TypeError) as error:
+            self._cannot(message.where.topic, error)
+            self._stats.outcomes[Outcome.REFUSED] += 1
+            return b""
+        self._stats.sent += 1
+        return data
 
     def _too_large(self, packet: bytes) -> ValueError:
         """Return the error for a packet that is larger than the broker takes."""

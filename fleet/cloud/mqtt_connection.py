@@ -33,6 +33,24 @@ LONGEST_LOOK = 0.01
 Deliver = Callable[[list[CloudMessage]], None]
 
 
+class _NextTurnCall:
+    """A call that the loop makes in its next turn, once however often it is asked for until then."""
+
+    def __init__(self, loop: asyncio.AbstractEventLoop, call: Callable[[], None]) -> None:
+        self._loop = loop
+        self._call = call
+        self._asked = False
+
+    def __call__(self) -> None:
+        if not self._asked:
+            self._asked = True
+            self._loop.call_soon(self._make)
+
+    def _make(self) -> None:
+        self._asked = False
+        self._call()
+
+
 class MqttConnection:
     """Feeds the session with what arrives and writes what it answers; on the loop.
 
@@ -64,14 +82,14 @@ class MqttConnection:
         self._silent = not settings.tls  # a plain connection on which nothing was heard yet
         self._deliver = deliver
         self._take = take
-        self._taking_on = False
+        self._take_on = _NextTurnCall(self._loop, self._follow_up)  # the rest, others having had their turn
+        self._go_on = _NextTurnCall(self._loop, self.flush)
         self._arrivals = PacketFramer(reader(settings.protocol), PAYLOAD_LIMIT, head=HEAD)
         self._keepalive = Keepalive(settings.keepalive, clock.monotonic())
         self._lock = threading.Lock()  # of everything that reading and writing share
         self._failure: CloudError | None = None
         self._reads = 0
         self._seen = -1
-        self._going_on = False
         self._stream = BrokerSocket(opened, self._readable, self._writable)
         self._write(session.connect())
 
@@ -122,15 +140,9 @@ class MqttConnection:
             more = self._take()
         except Exception:
             logger.exception("taking what was handed over failed")
-        if more and not self._taking_on:
-            self._taking_on = True
-            self._loop.call_soon(self._take_on)
+        if more:
+            self._take_on()
         self._loop.call_soon(self._conclude)
-
-    def _take_on(self) -> None:
-        """Take the rest of what was read, others having had their turn."""
-        self._taking_on = False
-        self._follow_up()
 
     def _writable(self) -> None:
         """Write what had to wait, and go on where the socket stopped: the link is slow, and alive."""
@@ -190,7 +202,8 @@ class MqttConnection:
     def _conclude(self) -> None:
         """Answer the broker what was read, and send what that lets go."""
         if self.ended.done():
-            self._note_gone()
+            if self._failure is not None and not self.gone.done():
+                self.gone.set_result(None)  # the broker has closed its side, too, after a goodbye
             return
         if self._failure is None and self.ready.done() and not self._session.answers:
             return
@@ -198,7 +211,9 @@ class MqttConnection:
             self._write(self._session.take_replies())
         if self._failure is not None:
             self.give_up(self._failure)
-        self._note_ready()
+        if self._session.ready and not self.ready.done():
+            self._keepalive.interval = self._session.keepalive  # from now on the broker's own counts
+            self.ready.set_result(None)
         self.flush()
 
     def flush(self) -> None:
@@ -211,14 +226,8 @@ class MqttConnection:
         with self._lock:
             data = self._session.send(self._clock.monotonic())
             self._write(data)
-        if data and not self._going_on:
-            self._going_on = True
-            self._loop.call_soon(self._go_on)
-
-    def _go_on(self) -> None:
-        """Write the rest."""
-        self._going_on = False
-        self.flush()
+        if data:
+            self._go_on()
 
     async def answered(self) -> None:
         """Wait until the connection is ready, or ended before it was."""
@@ -263,17 +272,6 @@ class MqttConnection:
         if due is KeepaliveAction.PING and self._session.connected:
             self._write(encode(mqtt5.PingReqPacket(), self._protocol))
         return due
-
-    def _note_gone(self) -> None:
-        """Note that the broker has closed its side, too, after a goodbye."""
-        if self._failure is not None and not self.gone.done():
-            self.gone.set_result(None)
-
-    def _note_ready(self) -> None:
-        """Tell who waits that messages can flow; from then on the broker's own keepalive counts."""
-        if self._session.ready and not self.ready.done():
-            self._keepalive.interval = self._session.keepalive
-            self.ready.set_result(None)
 
     def _end(self, reason: CloudError) -> None:
         """Keep the first reason."""

@@ -13,7 +13,6 @@ import mqtt5
 import msgspec
 
 from fleet.cloud import reasons
-from fleet.cloud.inbound import Arrival, InboundPublish
 from fleet.cloud.inflight_window import InflightWindow
 from fleet.cloud.outbound_queue import OutboundQueue
 from fleet.cloud.packets import encode
@@ -64,13 +63,12 @@ class MqttSession:
             mqtt5.ConnAckPacket: self._on_connack,
             mqtt5.SubAckPacket: self._on_suback,
             mqtt5.PublishPacket: self._on_publish,
-            InboundPublish: self._on_plain,
             mqtt5.PubRelPacket: self._on_pubrel,
             mqtt5.PubAckPacket: self._ours.acknowledged,
             mqtt5.PubRecPacket: self._on_pubrec,
-            mqtt5.PubCompPacket: self._on_pubcomp,
+            mqtt5.PubCompPacket: self._ours.completed,
             mqtt5.DisconnectPacket: self._on_disconnect,
-            mqtt5.PingRespPacket: self._on_pong,
+            mqtt5.PingRespPacket: _alive,
         }
 
     def connect(self) -> bytes:
@@ -86,9 +84,9 @@ class MqttSession:
             max_packet_size=PAYLOAD_LIMIT,
             will=mqtt5.Will(will.topic, payload=will.payload, qos=mqtt5.QoS(will.qos)) if will else None,
         )
-        return self._encode(packet)
+        return encode(packet, chosen.protocol)
 
-    def receive(self, packet: Arrival, now: float) -> None:
+    def receive(self, packet: mqtt5.Packet, now: float) -> None:
         """Take one packet of the broker.
 
         Raises SessionRefused when the broker says no and SessionEnded when the connection must be given up.
@@ -102,7 +100,7 @@ class MqttSession:
     def take_replies(self) -> bytes:
         """Return the bytes that answer what was received, and forget them."""
         replies, self._replies = self._replies, []
-        return b"".join(map(self._encode, replies))
+        return b"".join([encode(packet, self._settings.protocol) for packet in replies])
 
     @property
     def answers(self) -> bool:
@@ -131,10 +129,6 @@ class MqttSession:
         """Give what was not acknowledged back to the outbox, which is offline from now on."""
         self.ready = False
         self._ours.end()
-
-    def _encode(self, packet: mqtt5.Packet) -> bytes:
-        """Return the packet's bytes in the protocol that was chosen."""
-        return encode(packet, self._settings.protocol)
 
     def _on_connack(self, packet: mqtt5.ConnAckPacket, _now: float) -> None:
         """Note whether the broker lets us in, and subscribe to everything."""
@@ -184,12 +178,6 @@ class MqttSession:
         else:
             self._on_publish_twice(packet, identifier)
 
-    def _on_plain(self, plain: InboundPublish, _now: float) -> None:
-        """Take a message of the usual form."""
-        self.take(plain.message)
-        if plain.identifier:
-            self._replies.append(mqtt5.PubAckPacket(plain.identifier))
-
     def _on_publish_twice(self, packet: mqtt5.PublishPacket, identifier: int) -> None:
         """Take a message of QoS 2, remembering its identifier until the broker releases it."""
         if identifier not in self._half_received:
@@ -223,18 +211,15 @@ class MqttSession:
         if release is not None:
             self._replies.append(release)
 
-    def _on_pubcomp(self, packet: mqtt5.PubCompPacket, _now: float) -> None:
-        """Note that the broker has a QoS 2 message of ours, once."""
-        self._ours.completed(packet)
-
     def _on_disconnect(self, packet: mqtt5.DisconnectPacket, _now: float) -> None:
         """End with the broker's reason."""
         if reasons.is_permanent(int(packet.reason_code)):
             raise SessionRefused(reasons.of(packet))
         raise SessionEnded(reasons.of(packet))
 
-    def _on_pong(self, _packet: mqtt5.PingRespPacket, _now: float) -> None:
-        """Do nothing: the keepalive watch has already noted that the link is alive."""
+
+def _alive(_packet: mqtt5.PingRespPacket, _now: float) -> None:
+    """Do nothing: the keepalive watch has already noted that the link is alive."""
 
 
 def _message_of(packet: mqtt5.PublishPacket) -> CloudMessage:

@@ -6,31 +6,15 @@ queue of QoS 0 refuses new messages.
 
 from __future__ import annotations
 
-import math
 import threading
 from collections import deque
-from collections.abc import Iterable, Sequence
-
-import msgspec
+from collections.abc import Iterable
 
 from fleet.clock import Clock
-from fleet.cloud.packets import Protocol
-from fleet.cloud.publish import PublishRoute, publish_light, publish_route, renewed
+from fleet.cloud.publish import PublishRoute, QueuedQos0
 from fleet.cloud.values import CloudStats, QueueStats
 from fleet.spool.message import OVERHEAD, Outgoing
 from fleet.spool.spool import Spool
-
-
-class Batch(msgspec.Struct, gc=False):
-    """Messages of QoS 0 that were queued together: where each goes, and its packet.
-
-    ``since`` is when (monotonic s) they were queued, ``size`` the bytes that the packets then had.
-    """
-
-    where: Sequence[PublishRoute]
-    packets: Sequence[bytes]
-    since: float
-    size: int
 
 
 class OutboundQueue:
@@ -45,71 +29,40 @@ class OutboundQueue:
         self._most_messages = messages
         self._most_bytes = size
         self._lock = threading.Lock()
-        self._light: deque[Batch] = deque()
-        self._messages = 0
-        self._steady = math.inf  # s for which no message of QoS 0 is to be looked at again
+        self._light: deque[QueuedQos0] = deque()
         stats.outbox = self._queued
         self._bytes = 0
         self._refused = 0
         self._online = False
 
     def __len__(self) -> int:
-        return self._messages + self.spool.waiting
+        return len(self._light) + self.spool.waiting
 
-    def address(self, topic: str, expiry: float | None, protocol: Protocol) -> PublishRoute:
-        """Return where messages of QoS 0 go; raises ValueError for what is no topic."""
-        where = publish_route(topic, expiry, protocol)
+    def put_light(self, where: PublishRoute, payload: bytes) -> bool:
+        """Add a message of QoS 0; tell whether it was taken. What is durable is put into the spool."""
+        message = QueuedQos0(where, payload, self._clock.monotonic())
         with self._lock:
-            self._steady = min(self._steady, where.steady)
-        return where
-
-    def put_light(self, where: Sequence[PublishRoute], payloads: Sequence[bytes]) -> bool:
-        """Add messages of QoS 0, all or none; tell whether they were taken.
-
-        What is durable is put into the spool.
-        """
-        packets = list(map(publish_light, where, payloads))
-        light_batch = Batch(where, packets, self._clock.monotonic(), sum(map(len, packets)))
-        with self._lock:
-            queued, size = (
-                self._messages + len(packets),
-                self._bytes + light_batch.size + OVERHEAD * len(packets),
-            )
-            if not self._online or queued > self._most_messages or size > self._most_bytes:
-                self._refused += len(packets)
+            size = self._bytes + _size(message)
+            if not self._online or len(self._light) >= self._most_messages or size > self._most_bytes:
+                self._refused += 1
                 return False
-            self._light.append(light_batch)
-            self._messages, self._bytes = queued, size
+            self._light.append(message)
+            self._bytes = size
             return True
 
-    def take_light(self, now: float, size: int) -> list[Batch]:
+    def take_light(self, now: float, size: int) -> list[QueuedQos0]:
         """Remove and return what of QoS 0 may be written next, about ``size`` bytes; drop what is late."""
-        taken: list[Batch] = []
+        taken: list[QueuedQos0] = []
         with self._lock:
             while self._light and size > 0:
-                light_batch = self._light.popleft()
-                taken.append(light_batch)
-                size -= light_batch.size
-                self._bytes -= light_batch.size + OVERHEAD * len(light_batch.packets)
-                self._messages -= len(light_batch.packets)
-        for light_batch in taken:
-            if now - light_batch.since >= self._steady:
-                self._renew(light_batch, now - light_batch.since)
+                message = self._light.popleft()
+                self._bytes -= _size(message)
+                if message.is_late(now):
+                    self._refused += 1
+                    continue
+                taken.append(message)
+                size -= len(message.where.topic) + len(message.payload)
         return taken
-
-    def _renew(self, light_batch: Batch, waited: float) -> None:
-        """Have messages tell what is left of their time, and drop those of which nothing is."""
-        renewing = [
-            (each, renewed(each, packet, waited))
-            for each, packet in zip(light_batch.where, light_batch.packets, strict=True)
-        ]
-        timely = [(each, packet) for each, packet in renewing if packet is not None]
-        with self._lock:
-            self._refused += len(renewing) - len(timely)
-        light_batch.where, light_batch.packets = (
-            [each for each, _ in timely],
-            [packet for _, packet in timely],
-        )
 
     @property
     def waits(self) -> bool:
@@ -145,10 +98,15 @@ class OutboundQueue:
         """Drop all of QoS 0, and take no more of it."""
         with self._lock:
             self._online = False
-            self._refused += self._messages
+            self._refused += len(self._light)
             self._light.clear()
-            self._messages = self._bytes = 0
+            self._bytes = 0
 
     def _queued(self) -> QueueStats:
         """Return the figures."""
         return QueueStats(len(self), self._bytes, self._refused + self.spool.lost)
+
+
+def _size(message: QueuedQos0) -> int:
+    """Return the bytes that a message of QoS 0 costs while it waits."""
+    return len(message.where.topic) + len(message.payload) + OVERHEAD

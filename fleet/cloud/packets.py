@@ -20,7 +20,6 @@ ReadT = TypeVar("ReadT")
 
 _CONNECT = 1
 _CONNACK = 0x20
-_PUBACK = 0x40  # and the flags that it must have: none
 MORE = 0x80  # in a byte of a length: another follows
 _ONLY_OLDER = b"\x20\x02\x00\x01"
 """How a broker without MQTT 5 answers an MQTT 5 CONNECT; the MQTT 5 codec cannot read it."""
@@ -87,8 +86,7 @@ class PacketFramer(Generic[ReadT]):
 
     def _end(self, data: bytes, start: int) -> int | None:
         """Return where the frame ends, None when it is not whole; note how much is needed then."""
-        short = data[start + 1] if start + 1 < len(data) else MORE
-        length = 2 + short if short < MORE else frame_length(data, start)
+        length = frame_length(data, start)
         if length is None:
             self._needed = 0
             return None
@@ -121,24 +119,10 @@ class PacketDecoder(PacketFramer[mqtt5.Packet]):
 
 def decode(data: bytes, start: int, end: int, protocol: Protocol) -> mqtt5.Packet:
     """Return the packet of one whole frame; raise WireError for what is none."""
-    if protocol == 5 and end - start == 4 and data[start] == _PUBACK:
-        return _acknowledged(data[start + 2] << 8 | data[start + 3])
     frame = memoryview(data)[start:end]
     if protocol == 5 and data[start] == _CONNACK and frame == _ONLY_OLDER:
         return mqtt5.ConnAckPacket(reason_code=mqtt5.ConnAckReasonCode.UNSUPPORTED_PROTOCOL_VERSION)
     return _packet(frame, protocol)
-
-
-def _acknowledged(identifier: int) -> mqtt5.PubAckPacket:
-    """Return the packet that acknowledges a message and says nothing else, as nearly all do."""
-    if not identifier:
-        raise _nameless()
-    return mqtt5.PubAckPacket(identifier)
-
-
-def _nameless() -> WireError:
-    """Return the error for a packet whose identifier is none."""
-    return WireError("a packet with the identifier 0")
 
 
 def _spoken(frame: memoryview) -> Protocol:
@@ -173,5 +157,5 @@ def _packet(frame: memoryview, protocol: Protocol) -> mqtt5.Packet:
         if "+" in topic or "#" in topic or "\0" in topic:
             raise WireError("a message to a topic with a wildcard or a NUL in it")
     if getattr(packet, "packet_id", None) == 0:
-        raise _nameless()
+        raise WireError("a packet with the identifier 0")
     return packet

@@ -278,7 +278,7 @@ _READERS: dict[int, tuple[int, Callable[[_Fields], mqtt5.Packet]]] = {
 }
 """By packet type: the flags that the standard demands, and what reads the body. PUBLISH has its own flags."""
 
-_WRITERS: dict[type, Callable[[Any], tuple[int, bytes]]] = {
+_WRITERS: dict[type, Callable[[object], tuple[int, bytes]]] = {
     mqtt5.ConnectPacket: _write_connect,
     mqtt5.ConnAckPacket: _write_connack,
     mqtt5.PublishPacket: _write_publish,

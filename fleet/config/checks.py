@@ -5,7 +5,6 @@ from __future__ import annotations
 import stat
 from collections.abc import Collection, Iterator, Mapping
 from pathlib import Path
-from typing import Any
 
 from fleet.config.endpoints import (
     LONGEST_LISTENING_PATH,
@@ -34,7 +33,7 @@ _APART = {
 }
 
 
-def check_robots(listed: Any, identities: Mapping[int, Identity], document: Document) -> None:
+def check_robots(listed: object, identities: Mapping[int, Identity], document: Document) -> None:
     """Report, at the later one, robots that share a name, a twin, or the very same machine.
 
     ``identities`` are those of the robots, by place in the list, whose config has one.
@@ -60,7 +59,7 @@ def identity_of(config: AdapterConfig) -> Identity | None:
     return None if value is None else (type(config), value)
 
 
-def _unique(robot: Any, identity: Identity | None) -> Iterator[tuple[str, object, str]]:
+def _unique(robot: object, identity: Identity | None) -> Iterator[tuple[str, object, str]]:
     """Yield what no two robots may share: the word for it, the value, the key to point at."""
     for key in ("name", "twin"):
         if isinstance(robot, dict) and isinstance(robot.get(key), str):
@@ -137,7 +136,7 @@ def warn_of_drop_ins(robots: Mapping[int, AdapterConfig], document: Document) ->
             )
 
 
-def check_stop_inputs(data: Mapping[str, Any], document: Document) -> None:
+def check_stop_inputs(data: Mapping[str, object], document: Document) -> None:
     """Report stop inputs of one name, and those that stop what there is not."""
     inputs, listed, groups = data.get("stop_inputs"), data.get("robots"), data.get("groups")
     if not isinstance(inputs, list) or not isinstance(listed, list):
@@ -158,7 +157,7 @@ def check_stop_inputs(data: Mapping[str, Any], document: Document) -> None:
                 document.report(mark, f"there is no robot or group {name!r}", nearest(name, names))
 
 
-def check_schedules(data: Mapping[str, Any], document: Document) -> None:
+def check_schedules(data: Mapping[str, object], document: Document) -> None:
     """Report schedules of missions and robots that there are not."""
     schedules, missions, listed = (data.get(key) for key in ("schedules", "missions", "robots"))
     if not isinstance(schedules, dict) or not isinstance(listed, list):

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
-from typing import Any
 
 import msgspec
 from pydantic import ConfigDict, Field, ValidationError
@@ -32,11 +31,11 @@ class DropInConfig(AdapterConfig):
 def asked(
     registry: Registry,
     plugin: Plugin,
-    data: Any,
+    data: object,
     *,
     at: Path,
     document: Document,
-    context: Mapping[str, Any],
+    context: Mapping[str, object],
 ) -> tuple[DropInConfig, CheckedConfig] | None:
     """Return what a drop-in file's Config makes of a robot; None after reporting why nothing."""
     try:
@@ -58,7 +57,7 @@ def asked(
         return None
 
 
-def _case(plugin: Plugin, data: Any, at: Path, document: Document, folder: object) -> ConfigCase:
+def _case(plugin: Plugin, data: object, at: Path, document: Document, folder: object) -> ConfigCase:
     """Return a robot with its places in the file, and nothing else of it."""
 
     def within(steps: Steps) -> bool:

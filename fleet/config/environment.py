@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
 
 import msgspec
 
@@ -35,7 +34,7 @@ def cloud_from_environment(document: Document, environ: Mapping[str, str]) -> No
         _fill(data["cloud"], document, environ)
 
 
-def _fill(cloud: dict[str, Any], document: Document, environ: Mapping[str, str]) -> None:
+def _fill(cloud: dict[str, object], document: Document, environ: Mapping[str, str]) -> None:
     """Fill the fields that are left out, each from the first of its variables that is set."""
     section = document.marks["cloud",]
     for field, variables in _VARIABLES.items():

@@ -58,7 +58,7 @@ RENAMED: Mapping[str, str] = {"listen": "inbound", "tell": "warn"}
 
 
 def validated(
-    model: type[ModelT], data: Any, at: Path, document: Document, context: Mapping[str, Any]
+    model: type[ModelT], data: object, at: Path, document: Document, context: Mapping[str, object]
 ) -> ModelT | None:
     """Return the model made from ``data`` that stands at path ``at``; None after reporting why not.
 
@@ -70,8 +70,8 @@ def validated(
 
 
 def validated_with(
-    model: type[ModelT], data: Any, at: Path, document: Document, context: Mapping[str, Any]
-) -> tuple[ModelT, Any] | None:
+    model: type[ModelT], data: object, at: Path, document: Document, context: Mapping[str, object]
+) -> tuple[ModelT, object] | None:
     """Return the same, with the data that the model takes as it is."""
     try:
         return checked(model, data, context), data
@@ -84,12 +84,12 @@ def validated_with(
         return None
 
 
-def checked(model: type[ModelT], data: Any, context: Mapping[str, Any]) -> ModelT:
+def checked(model: type[ModelT], data: object, context: Mapping[str, object]) -> ModelT:
     """Validate in JSON mode, where strict still takes a list for a tuple and text for a uuid."""
     return model.model_validate_json(json.dumps(data), strict=True, context=dict(context))
 
 
-def _retyped(data: Any, at: Path, error: ValidationError, document: Document) -> Any:
+def _retyped(data: object, at: Path, error: ValidationError, document: Document) -> object:
     """Return the data with the refused texts of variables and secrets read as numbers or booleans."""
     copy = json.loads(json.dumps(data))
     for each in error.errors(include_url=False):
@@ -156,7 +156,7 @@ def _place(path: Path, document: Document) -> Mark:
     return document.marks.get(path) or document.marks[()]
 
 
-def _message(error: _Error, context: Mapping[str, Any]) -> str:
+def _message(error: _Error, context: Mapping[str, object]) -> str:
     """Return what is wrong; pydantic's own words where there are no better ones."""
     kind = error["type"]
     if kind == "value_error":
@@ -181,39 +181,39 @@ def _hint(error: _Error, field: FieldInfo | None) -> str:
     return hint or (field.description or "" if field else "")
 
 
-def _guess_boolean(value: Any, _: Mapping[str, Any]) -> str:
+def _guess_boolean(value: object, _: Mapping[str, object]) -> str:
     word = str(value).lower()
     near = _BOOLEAN_WORDS.get(word)
     return f"did you mean {near}?" if near else nearest(word, ("true", "false")).replace("'", "")
 
 
-def _guess_number(value: Any, _: Mapping[str, Any]) -> str:
+def _guess_number(value: object, _: Mapping[str, object]) -> str:
     match = _NUMBER_WITH_UNIT.fullmatch(value) if isinstance(value, str) else None
     if match:
         return f"write the number alone, without {match[2].strip()!r}"
     return "write it without quotes" if isinstance(value, str) and plain(value) != value else ""
 
 
-def _guess_word(value: Any, context: Mapping[str, Any]) -> str:
+def _guess_word(value: object, context: Mapping[str, object]) -> str:
     words = re.findall(r"'([^']*)'", str(context.get("expected", "")))
     if RENAMED.get(str(value), "") in words:
         return f"it is called {RENAMED[str(value)]} now"
     return nearest(str(value), words)
 
 
-def _guess_text(value: Any, _: Mapping[str, Any]) -> str:
+def _guess_text(value: object, _: Mapping[str, object]) -> str:
     return "write it in quotes" if isinstance(value, int | float | bool) else ""
 
 
-def _guess_uuid(_: Any, __: Mapping[str, Any]) -> str:
+def _guess_uuid(_: object, __: Mapping[str, object]) -> str:
     return "like 6f0c9a1e-8d2b-4c57-9a39-2f4a1d0b7c11; the twin's page in the cloud shows it"
 
 
-def _guess_list(value: Any, _: Mapping[str, Any]) -> str:
+def _guess_list(value: object, _: Mapping[str, object]) -> str:
     return "write [...] around it" if isinstance(value, str) else ""
 
 
-_GUESSES: Mapping[str, Callable[[Any, Mapping[str, Any]], str]] = {
+_GUESSES: Mapping[str, Callable[[object, Mapping[str, object]], str]] = {
     "bool_type": _guess_boolean,
     "int_type": _guess_number,
     "float_type": _guess_number,
@@ -228,7 +228,7 @@ _GUESSES: Mapping[str, Callable[[Any, Mapping[str, Any]], str]] = {
 }
 
 
-def _models_in(annotation: Any) -> list[type[BaseModel]]:
+def _models_in(annotation: object) -> list[type[BaseModel]]:
     """Return the models that an annotation can hold, through unions, lists and mappings."""
     if isinstance(annotation, type) and issubclass(annotation, BaseModel):
         return [annotation]

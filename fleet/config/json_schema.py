@@ -21,9 +21,9 @@ _VARIABLE = {"type": "string", "pattern": r"\$\{"}  # what ${PORT} is to an edit
 _TYPED = ("integer", "number", "boolean")
 
 
-def json_schema(registry: Registry) -> dict[str, Any]:
+def json_schema(registry: Registry) -> dict[str, object]:
     """Return the schema of all kinds of robots that the registry has; those that fail are left out."""
-    model: Any = create_model("Fleet", __base__=Sections, robots=_robots_field())
+    model: object = create_model("Fleet", __base__=Sections, robots=_robots_field())
     schema: dict[str, Any] = model.model_json_schema()
     definitions = schema["$defs"]
     definitions["CloudConfig"].pop("required", None)  # the environment may give the host
@@ -38,13 +38,13 @@ def json_schema(registry: Registry) -> dict[str, Any]:
     return {"$schema": DIALECT, **_with_variables(schema)}
 
 
-def _robots_field() -> tuple[Any, Any]:
+def _robots_field() -> tuple[Any, object]:
     """Return the list of robots, of no kind yet."""
     described = FleetConfig.model_fields["robots"].description
     return list[AdapterConfig], Field(min_length=1, description=described)
 
 
-def _kinds(registry: Registry) -> Iterable[tuple[str, dict[str, Any]]]:
+def _kinds(registry: Registry) -> Iterable[tuple[str, dict[str, object]]]:
     """Yield each kind of robot whose config can be said in JSON Schema, with that."""
     for plugin in registry.load_all():
         if plugin.state is not PluginState.LOADED:
@@ -56,16 +56,16 @@ def _kinds(registry: Registry) -> Iterable[tuple[str, dict[str, Any]]]:
             yield plugin.name, schema
 
 
-def _schema_of(adapter: Any) -> dict[str, Any] | None:
+def _schema_of(adapter: Any) -> dict[str, object] | None:
     """Return the schema of an installed adapter's config, None where there is none."""
     try:
-        schema: dict[str, Any] = adapter.Config.model_json_schema()
+        schema: dict[str, object] = adapter.Config.model_json_schema()
     except PydanticInvalidForJsonSchema:
         return None
     return schema
 
 
-def _hoisted(kind: str, schema: dict[str, Any], definitions: dict[str, Any]) -> tuple[str, str]:
+def _hoisted(kind: str, schema: dict[str, Any], definitions: dict[str, object]) -> tuple[str, str]:
     """Put a kind's schema and what it refers to among the definitions; return its name there.
 
     What is another thing there under the same name gets the kind's name before its own.
@@ -81,7 +81,7 @@ def _hoisted(kind: str, schema: dict[str, Any], definitions: dict[str, Any]) -> 
     return kind, name
 
 
-def _referring(part: Any, renamed: Mapping[str, str]) -> Any:
+def _referring(part: object, renamed: Mapping[str, str]) -> Any:
     """Return a schema whose references follow what was renamed."""
     if isinstance(part, list):
         return [_referring(each, renamed) for each in part]
@@ -107,7 +107,7 @@ def _one_of(names: Mapping[str, str]) -> dict[str, Any]:
 
 def _defaults(kinds: Iterable[dict[str, Any]], description: str) -> dict[str, Any]:
     """Return the schema of ``defaults``: whatever some kind of robot may have, but its own three keys."""
-    properties: dict[str, list[Any]] = {}
+    properties: dict[str, list[object]] = {}
     for kind in kinds:
         for key, value in kind["properties"].items():
             if key not in _OWN_TO_ROBOT and value not in properties.setdefault(key, []):
@@ -122,7 +122,7 @@ def _defaults(kinds: Iterable[dict[str, Any]], description: str) -> dict[str, An
     }
 
 
-def _with_variables(schema: Any) -> Any:
+def _with_variables(schema: object) -> Any:
     """Return a schema in which a variable may stand for any number or boolean."""
     if isinstance(schema, list):
         return [_with_variables(part) for part in schema]

@@ -120,27 +120,12 @@ def _load(file: pathlib.Path, environ: Mapping[str, str], partial: bool, registr
     context = {"folder": file.parent}
     sections = _sections(document, context)
     robots = _robots(document, registry, context)
-    identities = {index: robot.identity for index, robot in robots.items() if robot.identity}
-    check_robots(data.get("robots"), identities, document)
-    check_groups(data, document)
-    check_stop_inputs(data, document)
-    check_schedules(data, document)
-    if sections is not None:
-        check_bus(sections.bus, document)
-        check_workers(sections, document)
-    configs = {index: robot.config for index, robot in robots.items()}
-    check_followers(configs, document)
-    if sections is not None:
-        check_places(sections.places, configs.values(), sections.site.origin, document)
-    warn_of_batteries(configs, document)
-    warn_of_drop_ins({index: made.config for index, made in robots.items() if made.plugin.file}, document)
-    at_home = [index for index, robot in robots.items() if getattr(robot.plugin.adapter, "tells_home", False)]
-    has_site = sections is not None and sections.site.origin is not None
-    warn_of_places(configs, at_home, has_site=has_site, document=document)
+    _check_together(document, sections, robots)
+    _warn(document, sections, robots)
     problems = tuple(sorted(set(document.problems), key=_place_in_file))
     runnable = _runnable(robots, problems)
-    fatal = not runnable or _is_fatal(problems)
-    if sections is None or (problems and (fatal or not partial)):
+    fatal = not runnable or _is_fatal(problems) or not partial
+    if sections is None or (problems and fatal):
         raise InvalidConfig(problems)
     config = FleetConfig(
         **{
@@ -151,6 +136,31 @@ def _load(file: pathlib.Path, environ: Mapping[str, str], partial: bool, registr
     )
     given = {made.config.name: made.given for made in robots.values()}
     return Loaded(config, registry, runnable, file.parent, given, problems, tuple(document.warnings))
+
+
+def _check_together(document: Document, sections: Sections | None, robots: Mapping[int, _Made]) -> None:
+    """Report what is wrong between the parts of a fleet file, each of which is right by itself."""
+    identities = {index: robot.identity for index, robot in robots.items() if robot.identity}
+    check_robots(document.data.get("robots"), identities, document)
+    check_groups(document.data, document)
+    check_stop_inputs(document.data, document)
+    check_schedules(document.data, document)
+    configs = {index: robot.config for index, robot in robots.items()}
+    check_followers(configs, document)
+    if sections is not None:
+        check_bus(sections.bus, document)
+        check_workers(sections, document)
+        check_places(sections.places, configs.values(), sections.site.origin, document)
+
+
+def _warn(document: Document, sections: Sections | None, robots: Mapping[int, _Made]) -> None:
+    """Warn of what a person should look at, though it can run."""
+    configs = {index: robot.config for index, robot in robots.items()}
+    warn_of_batteries(configs, document)
+    warn_of_drop_ins({index: made.config for index, made in robots.items() if made.plugin.file}, document)
+    at_home = [index for index, robot in robots.items() if getattr(robot.plugin.adapter, "tells_home", False)]
+    has_site = sections is not None and sections.site.origin is not None
+    warn_of_places(configs, at_home, has_site=has_site, document=document)
 
 
 def sections_of(path: str | os.PathLike[str], environ: Mapping[str, str] | None = None) -> Sections:
@@ -170,7 +180,7 @@ def sections_of(path: str | os.PathLike[str], environ: Mapping[str, str] | None 
     return sections
 
 
-def _sections(document: Document, context: Mapping[str, Any]) -> Sections | None:
+def _sections(document: Document, context: Mapping[str, object]) -> Sections | None:
     """Return all but the robots; None after reporting what is wrong."""
     known = {key: value for key, value in document.data.items() if not key.startswith("x-")}
     return validated(_Outline, known, (), document, context)
@@ -214,7 +224,7 @@ def _is_mapping(document: Document) -> bool:
     return False
 
 
-def _folders(data: Mapping[str, Any], folder: pathlib.Path) -> Iterable[pathlib.Path]:
+def _folders(data: Mapping[str, object], folder: pathlib.Path) -> Iterable[pathlib.Path]:
     """Return the drop-in folders that exist; the others are told when the sections are checked."""
     named = data.get("plugins")
     for name in named if isinstance(named, list) else ():
@@ -222,7 +232,7 @@ def _folders(data: Mapping[str, Any], folder: pathlib.Path) -> Iterable[pathlib.
             yield folder / name
 
 
-def _robots(document: Document, registry: Registry, context: Mapping[str, Any]) -> dict[int, _Made]:
+def _robots(document: Document, registry: Registry, context: Mapping[str, object]) -> dict[int, _Made]:
     """Return the robots that could be made, by their place in the list."""
     listed = document.data.get("robots")
     made = {}
@@ -234,7 +244,7 @@ def _robots(document: Document, registry: Registry, context: Mapping[str, Any]) 
 
 
 def _robot(
-    robot: Any, at: Path, document: Document, registry: Registry, context: Mapping[str, Any]
+    robot: object, at: Path, document: Document, registry: Registry, context: Mapping[str, object]
 ) -> _Made | None:
     """Check one robot by its adapter's Config; None after reporting why it cannot be made."""
     if at in document.spoiled:
@@ -267,7 +277,7 @@ def _dropped_in(plugin: Plugin, found: tuple[DropInConfig, CheckedConfig] | None
     return _Made(config, plugin, identity, said.given)
 
 
-def _plugin(robot: Any, at: Path, document: Document, registry: Registry) -> Plugin | None:
+def _plugin(robot: object, at: Path, document: Document, registry: Registry) -> Plugin | None:
     """Return the plugin that a robot names; None after reporting why there is none."""
     path = (*at, "adapter")
     if not isinstance(robot, dict) or path in document.spoiled:
@@ -287,7 +297,7 @@ def _plugin(robot: Any, at: Path, document: Document, registry: Registry) -> Plu
     return plugin
 
 
-def _report_no_adapter(robot: Mapping[str, Any], at: Path, document: Document, hint: str) -> None:
+def _report_no_adapter(robot: Mapping[str, object], at: Path, document: Document, hint: str) -> None:
     """Report that a robot names no adapter, at the key that was perhaps meant to."""
     near = difflib.get_close_matches("adapter", robot, n=1)
     if near:
@@ -296,7 +306,7 @@ def _report_no_adapter(robot: Mapping[str, Any], at: Path, document: Document, h
         document.report(document.marks[at], "the key 'adapter' is missing", hint)
 
 
-def _with_defaults(robot: Any, at: Path, document: Document) -> Any:
+def _with_defaults(robot: object, at: Path, document: Document) -> object:
     """Return a robot with what its groups say under it, and the defaults under that, places included."""
     defaults = document.data.get("defaults")
     if not isinstance(robot, dict):
@@ -308,7 +318,7 @@ def _with_defaults(robot: Any, at: Path, document: Document) -> Any:
     return _merged(under, robot, ("defaults",), at, document)
 
 
-def _with_groups(robot: dict[str, Any], at: Path, document: Document) -> Any:
+def _with_groups(robot: dict[str, object], at: Path, document: Document) -> object:
     """Return a robot with what its groups say under it; reports where two of them contradict each other."""
     name = str(robot.get("name", ""))
     said = [
@@ -319,20 +329,20 @@ def _with_groups(robot: dict[str, Any], at: Path, document: Document) -> Any:
         if any(contradiction(under, earlier) for _, earlier in said[:number]):
             message = f"another group of {name} says something else of it"
             document.report(document.marks[place], message, "say it at the robot itself")
-    merged: Any = robot
+    merged: object = robot
     for place, under in said:
         merged = _merged(under, merged, place, at, document)
     return merged
 
 
-def _unsaid(value: Any, own: Any) -> Any:
+def _unsaid(value: object, own: object) -> object:
     """Return what a group says that the robot does not say itself."""
     if not isinstance(value, dict) or not isinstance(own, dict):
         return value
     return {key: each for key, each in value.items() if key not in own}
 
 
-def _merged(under: Any, over: Any, under_at: Path, over_at: Path, document: Document) -> Any:
+def _merged(under: object, over: object, under_at: Path, over_at: Path, document: Document) -> object:
     """Merge mappings key by key; anything else of ``over`` wins."""
     if not (isinstance(under, dict) and isinstance(over, dict)):
         return over

@@ -7,7 +7,6 @@ import json
 import re
 from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
-from typing import Any
 from urllib.parse import quote
 
 import yaml
@@ -74,7 +73,7 @@ def _scalars(node: yaml.Node | None) -> list[str]:
     return [node.value] if isinstance(node, yaml.ScalarNode) else []
 
 
-def _under_secret_keys(value: Any, *, secret: bool = False) -> Iterator[str]:
+def _under_secret_keys(value: object, *, secret: bool = False) -> Iterator[str]:
     """Yield the texts that stand under keys that name secrets."""
     if isinstance(value, dict):
         for key, part in value.items():

@@ -126,12 +126,12 @@ def _bad_from(error: yaml.MarkedYAMLError, text: str) -> BadYaml:
     return BadYaml(message, line + 1, column + 1, hint=hint)
 
 
-def scalar(node: yaml.ScalarNode) -> Any:
+def scalar(node: yaml.ScalarNode) -> object:
     """Return what a scalar node says; quoted text stays text."""
     return node.value if node.style else plain(node.value)
 
 
-def plain(word: str) -> Any:
+def plain(word: str) -> object:
     """Return the value of an unquoted word: null, a boolean, a number, or the word itself."""
     if word in _CONSTANTS:
         return _CONSTANTS[word]

@@ -63,7 +63,7 @@ class Document(msgspec.Struct):
                 message, hint = message.replace(secret, "****"), hint.replace(secret, "****")
         return problem_at(mark, message, text=text, hint=hint)
 
-    def copy_places(self, source: Path, target: Path, value: Any) -> None:
+    def copy_places(self, source: Path, target: Path, value: object) -> None:
         """Let ``value``, which stands at ``source``, be told there when it is used at ``target`` too."""
         for places in (self.marks, self.keys):
             if source in places:
@@ -100,7 +100,7 @@ def read_sections(path: pathlib.Path, environ: Mapping[str, str], names: Iterabl
     if not sections:
         return read(path, environ)
     reader = _Reader(path, environ)
-    data: dict[str, Any] = {}
+    data: dict[str, object] = {}
     for part in sections.values():
         found = reader.text(part, str(path), ())
         data |= found if isinstance(found, dict) else {}
@@ -186,9 +186,9 @@ class _Reader:
         finally:
             self._open_nodes.pop()
 
-    def _mapping(self, node: yaml.MappingNode, where: Path, file: str) -> dict[str, Any]:
+    def _mapping(self, node: yaml.MappingNode, where: Path, file: str) -> dict[str, object]:
         """Return a mapping; keys that are no words, or stand twice, are reported and left out."""
-        data: dict[str, Any] = {}
+        data: dict[str, object] = {}
         for key, value in node.value:
             if not isinstance(key, yaml.ScalarNode) or key.tag != STR:
                 self.document.report(_mark(key, file, where), "a key must be a plain word")
@@ -280,7 +280,7 @@ def _secrets_of(path: pathlib.Path) -> Mapping[str, str]:
     return {key.value: value.value for key, value in pairs}
 
 
-def _parts_of(value: Any) -> Iterable[tuple[str | int, Any]]:
+def _parts_of(value: object) -> Iterable[tuple[str | int, object]]:
     """Return the parts of a mapping or a list with the step that leads to each."""
     if isinstance(value, dict):
         return value.items()

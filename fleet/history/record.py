@@ -81,7 +81,7 @@ def _clean(text: str, longest: int) -> str:
     return text if text.isascii() else text.encode(errors="replace").decode()
 
 
-def _data(data: dict[str, Any]) -> str:
+def _data(data: dict[str, object]) -> str:
     """Return data as JSON."""
     try:
         encoded = _encode(data)

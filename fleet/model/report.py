@@ -157,9 +157,9 @@ class MetricsReport(msgspec.Struct, frozen=True):
     more: dict[str, Any] = {}
 
     @property
-    def categories(self) -> dict[str, Any]:
+    def categories(self) -> dict[str, object]:
         """What is told, by category."""
-        told: dict[str, Any] = {**self.more}
+        told: dict[str, object] = {**self.more}
         if self.errors is not None:
             told["errors"] = self.errors
         if self.power:

@@ -16,7 +16,6 @@ import traceback
 import typing
 from pathlib import Path
 from types import ModuleType
-from typing import Any
 
 import msgspec
 
@@ -107,7 +106,7 @@ def _adapters_of(module: ModuleType) -> list[type[AnyAdapter]]:
     return [adapter for adapter in defined if not inspect.isabstract(adapter)] or defined
 
 
-def checked(adapter: Any) -> str:
+def checked(adapter: object) -> str:
     """Return the name that an adapter's Config declares; raises Unusable for what is no adapter."""
     if not (inspect.isclass(adapter) and issubclass(adapter, Adapter | FrameAdapter)):
         raise Unusable(f"{adapter!r} is no subclass of Adapter or FrameAdapter")

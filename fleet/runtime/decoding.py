@@ -15,10 +15,10 @@ import msgspec
 T = TypeVar("T")
 
 _making = threading.Lock()
-_json: dict[Any, msgspec.json.Decoder[Any]] = {}
+_json: dict[object, msgspec.json.Decoder[object]] = {}
 
 
-def json_decoder(kind: Any) -> msgspec.json.Decoder[Any]:
+def json_decoder(kind: object) -> msgspec.json.Decoder[Any]:
     """Return the decoder of JSON of a type: a Struct, a union, ``list[str]``; the same one each time."""
     found = _json.get(kind)
     if found is None:
@@ -27,7 +27,7 @@ def json_decoder(kind: Any) -> msgspec.json.Decoder[Any]:
     return found
 
 
-def msgpack_decoder(kind: Any) -> msgspec.msgpack.Decoder[Any]:
+def msgpack_decoder(kind: object) -> msgspec.msgpack.Decoder[Any]:
     """Return a decoder of MessagePack of a type."""
     with _making:
         return msgspec.msgpack.Decoder(kind)

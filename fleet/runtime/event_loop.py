@@ -36,7 +36,7 @@ class OwnedCall:
         self.owner = owner
         self._call = call
 
-    def __call__(self, *arguments: Any) -> None:
+    def __call__(self, *arguments: object) -> None:
         """Call it."""
         self._call(*arguments)
 
@@ -61,12 +61,12 @@ class FleetLoop(uvloop.Loop):
         self._aside.shutdown(wait=False, cancel_futures=True)
 
     def call_later(  # type: ignore[override]
-        self, delay: float, callback: Any, *args: Any, context: Any = None
+        self, delay: float, callback: Any, *args: Any, context: object = None
     ) -> asyncio.TimerHandle:
         """Call after a delay, on the owner's behalf; ``call_at`` comes here too."""
         return super().call_later(delay, owned(callback), *args, context=context)
 
-    def add_reader(self, fd: Any, callback: Any, *args: Any) -> None:  # type: ignore[override]
+    def add_reader(self, fd: object, callback: Any, *args: Any) -> None:  # type: ignore[override]
         """Call when there is something to read, on the owner's behalf."""
         super().add_reader(fd, owned(callback), *args)
 
@@ -81,7 +81,7 @@ def make_task(
 
 
 def run(
-    main: Coroutine[Any, Any, ResultT], make: Callable[[], asyncio.AbstractEventLoop] = FleetLoop
+    main: Coroutine[object, object, ResultT], make: Callable[[], asyncio.AbstractEventLoop] = FleetLoop
 ) -> ResultT:
     """Run a program's main coroutine on a fresh loop, as ``asyncio.run`` does."""
     with asyncio.Runner(loop_factory=make) as runner:
@@ -115,7 +115,7 @@ class BackgroundLoop:
 
         return self.complete(call())
 
-    def complete(self, work: Coroutine[Any, Any, ResultT]) -> ResultT:
+    def complete(self, work: Coroutine[object, object, ResultT]) -> ResultT:
         """Run a coroutine on the loop to its end, and return its result or raise its error."""
         loop, _ = self._started.result()
         return asyncio.run_coroutine_threadsafe(work, loop).result()

@@ -56,7 +56,7 @@ class SimProcess:
             await process.wait()
 
     @contextlib.asynccontextmanager
-    async def robot(self, spec: Any) -> AsyncIterator[str]:
+    async def robot(self, spec: object) -> AsyncIterator[str]:
         """Give the link of a new simulated robot, which goes when this ends.
 
         Raises LinkLost when the subprocess is gone, LinkRefused for a robot that cannot be.
@@ -82,7 +82,7 @@ class SimProcess:
             raise LinkLost("the simulator is not running")
         return self._process
 
-    async def ask(self, line: Any) -> Any:
+    async def ask(self, line: object) -> Any:
         """Send one line of ``fleet.sim.server`` and return the answer; raises LinkLost or LinkRefused."""
         process = self._running()
         assert process.stdin is not None

@@ -15,7 +15,7 @@ import contextlib
 import signal
 import sys
 from abc import ABC, abstractmethod
-from typing import Any, ClassVar, Generic, Protocol, TypeVar
+from typing import ClassVar, Generic, Protocol, TypeVar
 
 import msgspec
 
@@ -92,7 +92,7 @@ class SimServer(ABC, Generic[SpecT, RobotT]):
             told = {"error": str(error)}
         return msgspec.json.encode(told) + b"\n"
 
-    async def _carry_out(self, ask: _Line) -> dict[str, Any]:
+    async def _carry_out(self, ask: _Line) -> dict[str, object]:
         """Carry out one ask; raises ValueError or OSError."""
         if ask.add:
             return {"url": (await self.add(decode_json(ask.add, self.Spec))).url}

@@ -8,11 +8,7 @@ may in addition lose the commits of the last SYNC seconds.
 
 from __future__ import annotations
 
-import contextlib
-import logging
-import sqlite3
 import threading
-from collections import defaultdict
 from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from types import MappingProxyType
@@ -20,29 +16,13 @@ from types import MappingProxyType
 import msgspec
 
 from fleet.clock import Clock
-from fleet.errors import StateError, StateTaken
-from fleet.spool.database import is_corrupt, set_aside
-from fleet.spool.disk_work import DiskWork
-from fleet.spool.losses import Gap, Reason
+from fleet.spool.disk import SpoolDisk
+from fleet.spool.losses import Gap
 from fleet.spool.message import Outcome, Outgoing
 from fleet.spool.queue import SpoolQueue
-from fleet.spool.state_folder import SPOOL, FileLock, made
 from fleet.spool.statistics import SpoolStatistics
-from fleet.spool.store import SpoolFile
 from fleet.wire.rules import TrafficClass
 
-log = logging.getLogger(__name__)
-
-TICK = 0.05
-"""Seconds between two looks at what has to go to disk, while connected."""
-SYNC = 5.0
-"""Seconds between two times that the medium itself is brought up to date."""
-LATE_LOOK = 30.0
-"""Seconds between two looks for what is too old on disk."""
-STEPPED = 1.0
-"""Seconds by which the wall clock must be set for what is on disk to follow it."""
-RETRY = 1.0
-"""Seconds after which a disk that failed is tried again."""
 AGES: Mapping[TrafficClass, float] = MappingProxyType(
     {TrafficClass.REPLY: 60.0, TrafficClass.STATUS: 86400.0, TrafficClass.EVENT: 86400.0}
 )
@@ -71,10 +51,7 @@ class Spool:
     """
 
     def __init__(self, settings: SpoolSettings, clock: Clock) -> None:
-        self.problem = ""
-        self._settings = settings
         self._clock = clock
-        self._offset = clock.time() - clock.monotonic()
         self._queue = SpoolQueue(
             settings.messages,
             settings.memory,
@@ -84,25 +61,24 @@ class Spool:
         )
         self.more: Callable[[], None] = lambda: None
         self._using = threading.Lock()
-        self._wake = threading.Event()
-        self._closing = threading.Event()
         self._closed = False
-        self._store: SpoolFile | None = None
-        self._lock: FileLock | None = None
-        self._thread: threading.Thread | None = None
-        self._dirty = False
-        self._damaged = False  # the file is never opened again, but set aside first
-        self._next_sync = self._next_look = clock.monotonic()
+        self._disk: SpoolDisk | None = None
         if settings.folder is not None:
-            self._open(settings.folder)
-
-    # -- for who publishes and who sends -------------------------------------------------------------
+            self._disk = SpoolDisk(
+                settings.folder,
+                settings.size,
+                settings.ages,
+                queue=self._queue,
+                using=self._using,
+                more=self._tell_more,
+                clock=clock,
+            )
 
     def put(self, message: Outgoing) -> bool:
         """Take a message of QoS 1; False when it cannot be kept at all."""
         with self._using:
             taken = not self._closed and self._queue.put(message, self._clock.monotonic(), self._clock.time())
-        self._stir()
+        self._wake_disk()
         return taken
 
     def take(self, now: float, *, window: int, reserve: int, size: int) -> list[Outgoing]:
@@ -110,7 +86,7 @@ class Spool:
         with self._using:
             batch = self._queue.take(now, window=window, reserve=reserve, size=size)
         if self._queue.needs_fetch:
-            self._stir()
+            self._wake_disk()
         return batch
 
     def settle(self, answers: Iterable[tuple[Outgoing, Outcome]]) -> None:
@@ -119,7 +95,7 @@ class Spool:
         with self._using:
             for message, outcome in answers:
                 self._queue.settle(message, outcome, now, wall)
-        self._stir()
+        self._wake_disk()
 
     def put_back(self, messages: Iterable[Outgoing]) -> None:
         """Take back messages, oldest first, that were under way when the connection ended."""
@@ -130,26 +106,31 @@ class Spool:
         """Begin a new connection."""
         with self._using:
             self._queue.go_online(self._clock.monotonic())
-        self._stir()
+        self._wake_disk()
 
     def go_offline(self) -> None:
         """Note the end of the connection: from now on everything goes to disk at once."""
         with self._using:
             self._queue.go_offline()
-        self._stir()
+        self._wake_disk()
 
     def tick(self) -> None:
         """Look after time: once a second or so."""
         with self._using:
             self._queue.tick(self._clock.monotonic(), self._clock.time())
-        self._stir()
+        self._wake_disk()
 
     def take_gaps(self) -> list[Gap]:
         """Remove and return the losses, for whoever tells them now."""
         with self._using:
             gaps = self._queue.losses.take()
-        self._stir()
+        self._wake_disk()
         return gaps
+
+    @property
+    def problem(self) -> str:
+        """What is wrong with the disk; empty: nothing."""
+        return self._disk.problem if self._disk is not None else ""
 
     @property
     def waiting(self) -> int:
@@ -175,220 +156,25 @@ class Spool:
     def figures(self) -> SpoolStatistics:
         """Return how the spool stands."""
         with self._using:
-            queue, store = self._queue, self._store
-            disk = store.used if store else 0
+            queue, disk = self._queue, self._disk
             lost = dict(queue.losses.counts)
-            return SpoolStatistics(queue.standing(), lost, queue.held, disk, self.problem)
+            return SpoolStatistics(queue.standing(), lost, queue.held, disk.used if disk else 0, self.problem)
 
     def close(self) -> None:
         """Write everything and let go of the file; what is not on disk then is dropped."""
         with self._using:
             self._closed = True
             self._queue.go_offline()
-        self._closing.set()
-        self._wake.set()
-        if self._thread is not None:
-            self._thread.join()
-            self._thread = None
-        with self._using:
+        if self._disk is not None:
+            self._disk.close()
+        else:
             self._queue.close()
-        if self._lock is not None:
-            self._lock.let_go()
 
-    # -- the disk's thread ---------------------------------------------------------------------------
+    def _wake_disk(self) -> None:
+        """Have the disk's thread do what there is to do."""
+        if self._disk is not None:
+            self._disk.wake_if_needed()
 
-    def _open(self, folder: Path) -> None:
-        """Begin to write; only a folder that another edge has is an error."""
-        try:
-            self._have(folder)
-        except StateTaken:
-            raise
-        except StateError as error:
-            log.debug("opening the store tells this: %s", error)
-        self._open_store(folder / SPOOL)
-        self._thread = threading.Thread(target=self._run, name="fleet-spool", daemon=True)
-        self._thread.start()
-
-    def _have(self, folder: Path) -> None:
-        """Make the folder and take its lock, unless that is done; raises StateError, StateTaken."""
-        if self._lock is None:
-            lock = FileLock(made(folder) / SPOOL)
-            lock.take()
-            self._lock = lock
-
-    def _open_store(self, path: Path) -> bool:
-        """Open the file, or make it anew; while that fails return False, and memory alone serves."""
-        try:
-            self._have(path.parent)
-            self._set_aside(path)
-            self._store = store = SpoolFile(path, self._settings.size)
-            self._take_over(store)
-        except (StateError, sqlite3.Error, OSError) as error:
-            self._close_store()
-            self._fail(error)
-            with self._using:
-                self._queue.no_disk()
-            self.more()
-            return False
-        if store.aside is not None:
-            self.problem = f"{path.name} could not be read and was set aside as {store.aside.name}"
-        return True
-
-    def _set_aside(self, path: Path) -> None:
-        """Move a file out of the way that was found to be damaged; raises OSError while it stays there."""
-        if self._damaged:
-            with contextlib.suppress(FileNotFoundError):
-                set_aside(path)
-            self._damaged = False
-
-    def _take_over(self, store: SpoolFile) -> None:
-        """Take over what an earlier process left."""
-        left, losses = store.left(), store.losses()
-        with self._using:
-            self._queue.failing = False
-            self._queue.losses.add(losses)
-            for each in left:
-                self._queue.found(each.topic, each.traffic, each.count, each.oldest, each.newest)
-        if self._queue.waiting:
-            log.info("%d messages wait from before", self._queue.waiting)
-
-    def _close_store(self) -> None:
-        """Close the file, if it is open."""
-        if self._store is not None:
-            self._store.close()
-            self._store = None
-
-    def _stir(self) -> None:
-        """Wake the thread where there is something for it to do."""
-        if self._thread is not None and not self._wake.is_set() and self._wanted():
-            self._wake.set()
-
-    def _wanted(self) -> bool:
-        """Tell whether there is something to do."""
-        return self._queue.unwritten or self._queue.needs_fetch
-
-    def _run(self) -> None:
-        """Be the thread."""
-        while not self._closing.is_set():
-            self._wake.wait(LATE_LOOK)
-            self._wake.clear()
-            if self._queue.online and not self._queue.needs_fetch:
-                self._closing.wait(TICK)
-            if not self._step():
-                self._closing.wait(RETRY)
-            if self._wanted():
-                self._wake.set()
-        while self._wanted() and self._step():
-            pass
-        self._close_store()
-
-    def _step(self) -> bool:
-        """Bring the disk up to date; return False when it failed."""
-        if self._store is None:
-            assert self._settings.folder is not None
-            return self._open_store(self._settings.folder / SPOOL)
-        fine = True
-        for work in (self._follow_clock, self._expire, self._write, self._fetch, self._sync):
-            try:
-                work(self._store)
-            except sqlite3.Error as error:  # a disk that is full can still be read
-                fine = False
-                self._fail(error)
-                if is_corrupt(error):
-                    self._abandon()
-                    break
-        return fine
-
-    def _follow_clock(self, store: SpoolFile) -> None:
-        """Have what this process wrote keep its age when the wall clock is set, as after a start offline."""
-        stepped = self._clock.time() - self._clock.monotonic() - self._offset
-        if abs(stepped) >= STEPPED:
-            store.postpone(stepped, after=self._queue.before)
-            self._offset += stepped
-            log.info("the clock was set by %.0f s: what waits keeps its age", stepped)
-
-    def _write(self, store: SpoolFile) -> None:
-        """Write what is due, after making room for it."""
-        with self._using:
-            work = self._queue.work(self._clock.monotonic())
-            losses = self._queue.losses.known() if self._queue.losses.changed else None
-            self._queue.losses.changed = False
-        if not (work.rows or work.done or losses is not None):
-            return
-        for message in work.rows:
-            assert message.deadline is not None  # the queue has given it
-            message.expires = message.deadline + self._offset
-        try:
-            self._change(store, work, losses)
-        except sqlite3.Error:
-            with self._using:
-                self._queue.not_written(work)
-                self._queue.losses.changed = True
-            raise
-        with self._using:
-            self._queue.wrote(work)
-        self._dirty = True
-        if self.problem:
-            log.info("the spool is written again")
-            self.problem = ""
-
-    def _change(self, store: SpoolFile, work: DiskWork, losses: list[Gap] | None) -> None:
-        """Change the file, within its budget."""
-        size = sum(len(message.payload) + 100 for message in work.rows)
-        if work.rows and not store.room(size):
-            for removed in store.evict(size):
-                self._tell_removed(removed, Reason.ROOM)
-        store.change(work.rows, work.done, losses)
-
-    def _fetch(self, store: SpoolFile) -> None:
-        """Bring back what will soon be sent."""
-        with self._using:
-            fetches = self._queue.fetches()
-        for fetch in fetches:
-            messages = store.fetch(fetch.topic, fetch.after, fetch.limit, fetch.traffic)
-            now, wall = self._clock.monotonic(), self._clock.time()
-            longest = self._settings.ages
-            for message in messages:
-                left = min(message.expires - wall, longest[message.traffic])
-                message.since, message.deadline = now, now + left
-            with self._using:
-                self._queue.fetched(fetch.topic, messages, more=len(messages) == fetch.limit)
-        if fetches:
-            self.more()
-
-    def _expire(self, store: SpoolFile) -> None:
-        """Remove what is too old, now and then."""
-        now = self._clock.monotonic()
-        if now >= self._next_look:
-            self._next_look = now + LATE_LOOK
-            self._tell_removed(store.expire(self._clock.time()), Reason.AGE)
-
-    def _sync(self, store: SpoolFile) -> None:
-        """Bring the medium itself up to date, now and then."""
-        now = self._clock.monotonic()
-        if self._dirty and now >= self._next_sync:
-            self._next_sync, self._dirty = now + SYNC, False
-            store.checkpoint()
-
-    def _tell_removed(self, removed: Iterable[tuple[str, int]], reason: Reason) -> None:
-        """Tell the queue what is not on disk any more."""
-        by_topic: dict[str, list[int]] = defaultdict(list)
-        for topic, seq in removed:
-            by_topic[topic].append(seq)
-        with self._using:
-            for topic, seqs in by_topic.items():
-                self._queue.removed(topic, seqs, reason, self._clock.time())
-
-    def _abandon(self) -> None:
-        """Leave a file that is damaged, to be set aside; what is in memory goes to a new one."""
-        self._close_store()
-        self._damaged = True
-        with self._using:
-            self._queue.lost_disk(self._clock.time())
-
-    def _fail(self, error: Exception) -> None:
-        """Tell that what waits is kept in memory alone."""
-        problem = f"the spool cannot be written: {error}"
-        if problem != self.problem:
-            log.error("%s; what waits is kept in memory alone", problem)
-        self.problem = problem
+    def _tell_more(self) -> None:
+        """Tell whoever takes, who is known later than the disk, that there is more."""
+        self.more()

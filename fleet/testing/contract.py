@@ -71,7 +71,7 @@ class AdapterContract:
     config: ClassVar[Mapping[str, Any]]
     settles: ClassVar[float] = 5.0  # s until the robot does what it was told
 
-    def make_config(self, **changes: Any) -> AdapterConfig:
+    def make_config(self, **changes: object) -> AdapterConfig:
         """Return the example config with changes."""
         basics = {"name": "robot", "twin": "6f0c9a1e-3a6c-4f5e-9d2e-0c5a4b3d2e1f"}
         return self.adapter.Config.model_validate(basics | dict(self.config) | changes)

@@ -19,7 +19,7 @@ class Operator:
 
     adapter: Adapter[Any]
 
-    async def do(self, name: str, /, **data: Any) -> Any:
+    async def do(self, name: str, /, **data: object) -> object:
         """Carry out a command; return its answer, or its progress in percent.
 
         Raises what the command raises, and TimeoutError after the time that it declares.

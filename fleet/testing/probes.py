@@ -89,7 +89,7 @@ def noise_like(frames: list[bytes]) -> Iterator[bytes]:
             yield bytes(changed)
 
 
-def numbers_in(value: Any) -> Iterator[float]:
+def numbers_in(value: object) -> Iterator[float]:
     """Yield every float in a report, however deep."""
     if isinstance(value, float):
         yield value

@@ -9,7 +9,6 @@ import logging
 import os
 from collections.abc import Callable, Coroutine, Sequence
 from pathlib import Path
-from typing import Any
 
 import msgspec
 from aiortc import RTCIceServer
@@ -108,15 +107,15 @@ class _Program:
         await self._sender.stop()
         self.tell()
 
-    def _on_loop(self, take: Callable[..., Coroutine[Any, Any, None]]) -> Callable[..., None]:
+    def _on_loop(self, take: Callable[..., Coroutine[object, object, None]]) -> Callable[..., None]:
         """Return what has the loop take something; on Zenoh's threads."""
 
-        def begin(*arguments: Any) -> None:
+        def begin(*arguments: object) -> None:
             task = self._loop.create_task(take(*arguments))
             self._tasks.add(task)
             task.add_done_callback(self._tasks.discard)
 
-        def arrived(*arguments: Any) -> None:
+        def arrived(*arguments: object) -> None:
             with contextlib.suppress(RuntimeError):  # the loop has ended
                 self._loop.call_soon_threadsafe(begin, *arguments)
 
@@ -164,11 +163,11 @@ class _Program:
         except WireError as error:
             log.warning("a candidate was refused: %s", error)
 
-    def _offer(self, message: dict[str, Any]) -> None:
+    def _offer(self, message: dict[str, object]) -> None:
         """Publish an offer."""
         self._put(data_key(self._twin, "webrtc_offer"), message)
 
-    def _put(self, key: str, message: dict[str, Any]) -> None:
+    def _put(self, key: str, message: dict[str, object]) -> None:
         """Publish a document."""
         payload, stamp = encode_finite(message), self._clock.time()
         self._bus_session.put(key, json_sample(payload, stamp=stamp, sequence=next(self._count)))

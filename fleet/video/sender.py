@@ -5,7 +5,6 @@ from __future__ import annotations
 import asyncio
 import logging
 from collections.abc import Callable, Sequence
-from typing import Any
 
 from aiortc import RTCIceServer
 
@@ -36,7 +35,7 @@ class VideoSender:
         session: str,
         rate: float,
         ice_servers: Sequence[RTCIceServer],
-        offer: Callable[[dict[str, Any]], None],
+        offer: Callable[[dict[str, object]], None],
         clock: Clock,
     ) -> None:
         self.sensor = sensor
@@ -49,7 +48,7 @@ class VideoSender:
         self._changing = asyncio.Lock()
         self._peer: VideoPeer | None = None
         self._ends: set[asyncio.Task[None]] = set()
-        self._config: dict[str, Any] = {}
+        self._config: dict[str, object] = {}
         self._starts = 0
         self._began = 0.0
         self._counted = (0, 0.0)  # frames, and when they were counted
@@ -101,7 +100,7 @@ class VideoSender:
         if self._peer is not None:
             await self._peer.add(candidate)
 
-    def told(self) -> dict[str, Any] | None:
+    def told(self) -> dict[str, object] | None:
         """Return the stream as programs tell it on the bus (``fleet.wire.streams``), None when there is none.
 
         ``fps`` counts since the last call.

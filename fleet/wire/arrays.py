@@ -102,6 +102,6 @@ def _check_size(shape: tuple[int, ...], dtype: str, data: bytes) -> None:
         raise WireError(f"{list(shape)} of {dtype} are {needed} bytes, not {len(data)}", where="header.shape")
 
 
-def _sensor(header: Mapping[str, Any]) -> str:
+def _sensor(header: Mapping[str, object]) -> str:
     """Return the sensor that the header names, empty when none."""
     return cast("str", header["sensor_id"]) if isinstance(header.get("sensor_id"), str) else ""

@@ -89,7 +89,10 @@ _Integer = Annotated[int, msgspec.Meta(ge=-LARGEST_INTEGER, le=LARGEST_INTEGER)]
 
 
 class _Usual(msgspec.Struct):
-    """A command message as nearly all are, read in one go: what is rare is slow, step by step."""
+    """A command message as nearly all are, read in one go; every other is read step by step.
+
+    Without it a message from the broker to the robot costs 1.9 times as much (bench bridge:inward).
+    """
 
     command: str
     source_type: str
@@ -112,7 +115,7 @@ class _Envelope(msgspec.Struct, frozen=True):
     origin: Origin
     stamp: float | None
 
-    def command(self, name: str, data: Mapping[str, Any]) -> Command:
+    def command(self, name: str, data: Mapping[str, object]) -> Command:
         """Return a command that was asked by this message."""
         same = identity(self.payload, self.stamp, self.request_id, (name, data))
         return Command(name, data, self.origin, same, self.stamp)
@@ -191,7 +194,7 @@ def _usual(payload: bytes) -> _Usual | None:
 
 
 def _envelope(
-    name: str, message: dict[str, Any], payload: bytes, way: Transport, request_id: str, *, twin: str
+    name: str, message: dict[str, object], payload: bytes, way: Transport, request_id: str, *, twin: str
 ) -> _Envelope:
     """Read what all commands share. A stop is never refused for its trimmings."""
     strict = not _is_stop(name, message)
@@ -202,12 +205,12 @@ def _envelope(
     return _Envelope(name, data or {}, message, payload, request_id, origin, stamp)
 
 
-def _is_stop(name: str, message: Mapping[str, Any]) -> bool:
+def _is_stop(name: str, message: Mapping[str, object]) -> bool:
     """Return True when the robot is to stand still, however the rest of the message looks."""
     return name in STOP_WORDS or (name == "estop" and not releases(name, message.get("data")))
 
 
-def _data(message: Mapping[str, Any]) -> dict[str, Any]:
+def _data(message: Mapping[str, object]) -> dict[str, object]:
     """Return the command's data; missing and null are empty."""
     return {} if message.get("data") is None else child(message, "data")
 
@@ -253,7 +256,7 @@ def _move(envelope: _Envelope, _defaults: Defaults) -> Setpoint:
     return envelope.setpoint(velocity)
 
 
-def _signed(members: Mapping[str, Any], where: str) -> Velocity:
+def _signed(members: Mapping[str, object], where: str) -> Velocity:
     """Return the velocity of flat signed fields, of which one at least must be there."""
     if members.keys().isdisjoint(VELOCITY_FIELDS):
         raise WireError(f"needs one of {', '.join(VELOCITY_FIELDS)}", where=where or "message")
@@ -264,13 +267,13 @@ def _signed(members: Mapping[str, Any], where: str) -> Velocity:
     return Velocity(Vector3(x, y, z), yaw_rate)
 
 
-def _twist(message: Mapping[str, Any]) -> Velocity:
+def _twist(message: Mapping[str, object]) -> Velocity:
     """Return the velocity of a ROS Twist; an axis that is left out is not moved."""
     linear = _axes(message, "linear")
     return Velocity(linear, _axes(message, "angular").z)
 
 
-def _axes(message: Mapping[str, Any], name: str) -> Vector3:
+def _axes(message: Mapping[str, object], name: str) -> Vector3:
     """Return a twist's vector, zero where it is left out."""
     if name not in message:
         return Vector3()
@@ -301,7 +304,7 @@ def _video(envelope: _Envelope, _defaults: Defaults) -> Command:
 
     Older senders put ``recording`` and ``sensor_id`` beside ``data``.
     """
-    beside: dict[str, Any] = {
+    beside: dict[str, object] = {
         name: envelope.message[name] for name in ("recording", "sensor_id") if name in envelope.message
     }
     asked = envelope.command(envelope.name, {**beside, **envelope.data})

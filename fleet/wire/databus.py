@@ -230,7 +230,7 @@ def _as_it_is(kind: Any) -> _Codec[Any]:
     )
 
 
-def _same_field(field: msgspec.structs.FieldInfo) -> tuple[str, Any] | tuple[str, Any, Any]:
+def _same_field(field: msgspec.structs.FieldInfo) -> tuple[str, object] | tuple[str, object, object]:
     """Return how to define a field of the same name, type and default."""
     if field.required:
         return field.name, field.type
@@ -239,7 +239,7 @@ def _same_field(field: msgspec.structs.FieldInfo) -> tuple[str, Any] | tuple[str
     return field.name, field.type, field.default
 
 
-_SHAPES: Mapping[type[Any], type[Any]] = {
+_SHAPES: Mapping[type[object], type[object]] = {
     PoseReport: _Position,
     JointReport: _Joints,
     BatteryReport: _Battery,

@@ -10,7 +10,6 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping
 from types import MappingProxyType
-from typing import Any
 
 import msgspec
 
@@ -147,7 +146,7 @@ def is_state_of_another(suffix: str, payload: bytes) -> bool:
         return False
 
 
-def _check_edit(suffix: str, message: Mapping[str, Any]) -> None:
+def _check_edit(suffix: str, message: Mapping[str, object]) -> None:
     """Raise WireError for what is no change by the editor."""
     if message.get("source_type") != "edit":
         raise WireError(f"edit is needed, not {str(message.get('source_type'))[:40]!a}", where="source_type")
@@ -155,7 +154,7 @@ def _check_edit(suffix: str, message: Mapping[str, Any]) -> None:
         finite(value, path(suffix, axis))
 
 
-def _checked(suffix: str, message: Mapping[str, Any]) -> Shape:
+def _checked(suffix: str, message: Mapping[str, object]) -> Shape:
     """Return the shape of a suffix, which the message must have."""
     namespace, _, update = suffix.partition(":")
     if namespace == "environment" and not UPDATE_TYPE.fullmatch(update):

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
-from typing import Any
+from collections.abc import Iterator
 
 import msgspec
 
@@ -16,7 +15,7 @@ UNSAYABLE = (TypeError, ValueError, OverflowError, RecursionError)
 _encode = msgspec.json.Encoder().encode
 
 
-def encode_finite(value: Any) -> bytes:
+def encode_finite(value: object) -> bytes:
     """Return ``value`` (builtins and msgspec structs) as JSON.
 
     Raises WireError with the place of a number that is not finite, and for what JSON cannot hold.
@@ -33,16 +32,7 @@ def encode_finite(value: Any) -> bytes:
     return encoded
 
 
-def encode_all(values: Sequence[Any]) -> list[bytes] | None:
-    """Return values as JSON, in one go; None when one of them has to be looked at by ``encode_finite``."""
-    try:
-        encoded = list(map(_encode, values))
-    except UNSAYABLE:
-        return None
-    return None if b"".join(encoded).find(b"null") >= 0 else encoded
-
-
-def _not_finite(value: Any, where: str) -> Iterator[str]:
+def _not_finite(value: object, where: str) -> Iterator[str]:
     """Yield the places of the numbers in ``value`` that are not finite."""
     if isinstance(value, float):
         if not math.isfinite(value):

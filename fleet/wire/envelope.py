@@ -36,7 +36,7 @@ class BadCommand(WireError):
         self.action_id = action_id
 
 
-def name_of(message: Mapping[str, Any]) -> str:
+def name_of(message: Mapping[str, object]) -> str:
     """Return the name of what is asked; older senders call the field ``type``. Raises WireError.
 
     A stop that either of the two names is what is asked, written as it should be.
@@ -70,7 +70,7 @@ def digest(content: bytes) -> str:
 
 
 def origin_and_stamp(
-    message: Mapping[str, Any], way: Transport, *, strict: bool, twin: str = ""
+    message: Mapping[str, object], way: Transport, *, strict: bool, twin: str = ""
 ) -> tuple[Origin, float | None]:
     """Return who asked and when (Unix seconds, None when not given).
 
@@ -89,7 +89,7 @@ def origin_and_stamp(
     return Origin(way, source_type, session or ""), tolerant(stamp_of, message, strict=False)
 
 
-def _require_twin(message: Mapping[str, Any], twin: str) -> None:
+def _require_twin(message: Mapping[str, object], twin: str) -> None:
     """Raise WireError when a message for one twin names another."""
     named = optional_word(message, "twin_uuid")
     if not named or not twin:
@@ -102,7 +102,7 @@ def _require_twin(message: Mapping[str, Any], twin: str) -> None:
         raise WireError(f"{named[:40]!a} is not this twin, which is {twin}", where="twin_uuid")
 
 
-def stop_asked(message: Mapping[str, Any], way: Transport) -> Command | None:
+def stop_asked(message: Mapping[str, object], way: Transport) -> Command | None:
     """Return the stop that a message names on a topic that has other words; None when it names none."""
     name = stop_named(message) if "command" in message or "type" in message else ""
     if not name:
@@ -111,7 +111,7 @@ def stop_asked(message: Mapping[str, Any], way: Transport) -> Command | None:
     return Command(name, origin=origin, stamp=stamp)
 
 
-def tolerant(read: Callable[..., Any], *arguments: Any, strict: bool) -> Any:
+def tolerant(read: Callable[..., object], *arguments: object, strict: bool) -> Any:
     """Return what ``read`` finds, None instead of its refusal when not ``strict``."""
     try:
         return read(*arguments)
@@ -121,7 +121,7 @@ def tolerant(read: Callable[..., Any], *arguments: Any, strict: bool) -> Any:
         return None
 
 
-def stamp_of(message: Mapping[str, Any]) -> float | None:
+def stamp_of(message: Mapping[str, object]) -> float | None:
     """Return the sender's Unix seconds from ``timestamp`` or ``ts``; None when there is none.
 
     Stamps beyond 1e11 are milliseconds. Raises WireError for anything that is not a number.
@@ -146,7 +146,7 @@ def seconds_of(stamp: float) -> float:
     return stamp / 1000.0 if stamp > MILLISECONDS_FROM else stamp
 
 
-def optional_word(message: Mapping[str, Any], name: str) -> str | None:
+def optional_word(message: Mapping[str, object], name: str) -> str | None:
     """Return a string as it was sent, None when there is none; raises WireError for another kind."""
     value = message.get(name)
     if value is not None and not isinstance(value, str):

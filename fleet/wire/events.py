@@ -102,7 +102,7 @@ def unproven(report: Report) -> Report:
     return msgspec.structs.replace(report, asker=msgspec.structs.replace(report.asker, proven=False))
 
 
-def event_body(report: EventReport) -> dict[str, Any]:
+def event_body(report: EventReport) -> dict[str, object]:
     """Return an event as the cloud's workflows read it, all but its stamp.
 
     ``data`` has what the report's own has, and beside it text, severity, and what led to the event.

@@ -35,8 +35,8 @@ def edge_health(
     stamp: float,
     source_type: str,
     session: str,
-    extra: Mapping[str, Any],
-    streams: Mapping[str, Mapping[str, Any]] | None = None,
+    extra: Mapping[str, object],
+    streams: Mapping[str, Mapping[str, object]] | None = None,
 ) -> bytes:
     """Return the heartbeat of one twin, with the fields and the order of the SDK.
 
@@ -56,7 +56,7 @@ def edge_health(
         "healthy_streams": sum(stream["is_healthy"] for stream in streams.values()),
         "camera_config": None,
     }
-    tail: dict[str, Any] = {"source_type": source_type, "twin_uuid": twin}
+    tail: dict[str, object] = {"source_type": source_type, "twin_uuid": twin}
     if session:
         tail["session_id"] = session
     figures = {name: value for name, value in extra.items() if _is_known(value)}
@@ -78,7 +78,7 @@ def edge_state(state: EdgeState, robots: Iterable[RobotState], *, session: str) 
         for robot in robots
         if robot.health != "ok"
     ]
-    message: dict[str, Any] = {
+    message: dict[str, object] = {
         "type": "edge_state",
         "timestamp": state.stamp,
         "edge_id": state.edge,

@@ -18,7 +18,6 @@ checked and not used: how fast a joint goes is bounded by its own declaration; w
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
 
 from fleet.errors import WireError
 from fleet.model.command import Command, JointSetpoint, Transport
@@ -110,7 +109,7 @@ def _positions(sets: Sets) -> dict[str, float]:
     return positions
 
 
-def _is_relative(message: Mapping[str, Any]) -> bool:
+def _is_relative(message: Mapping[str, object]) -> bool:
     """Return whether positions count from where the joints are; raises WireError for another mode."""
     field = "update_mode" if "update_mode" in message else "mode"
     mode = optional_word(message, field)
@@ -119,7 +118,7 @@ def _is_relative(message: Mapping[str, Any]) -> bool:
     return mode == "relative"
 
 
-def _measured_form(message: Mapping[str, Any], *, arrays: bool) -> Sets:
+def _measured_form(message: Mapping[str, object], *, arrays: bool) -> Sets:
     """Read the forms in which joints are measured, too; raises WireError when no joint is named."""
     if arrays and "names" in message:
         found = _arrays(message)
@@ -130,7 +129,7 @@ def _measured_form(message: Mapping[str, Any], *, arrays: bool) -> Sets:
     return found
 
 
-def _named_sets(message: Mapping[str, Any], prefix: str) -> Sets:
+def _named_sets(message: Mapping[str, object], prefix: str) -> Sets:
     """Read the sets that are there, each a number for each joint."""
     found = {name: child(message, prefix + name) for name in _SETS if prefix + name in message}
     if found:
@@ -138,14 +137,14 @@ def _named_sets(message: Mapping[str, Any], prefix: str) -> Sets:
     return {name: _numbers(values, prefix + name) for name, values in found.items() if values}
 
 
-def _single(message: Mapping[str, Any]) -> Sets:
+def _single(message: Mapping[str, object]) -> Sets:
     """Read the state of one joint."""
     name, state = text(message, "joint_name"), child(message, "joint_state")
     given = {field: finite(state[field], path("joint_state", field)) for field in _SINGLE if field in state}
     return {_SINGLE[field]: {name: value} for field, value in given.items()}
 
 
-def _arrays(message: Mapping[str, Any]) -> Sets:
+def _arrays(message: Mapping[str, object]) -> Sets:
     """Read the bus's own form; raises WireError for arrays that do not belong together."""
     names, values = message["names"], message.get("positions")
     if not (isinstance(names, list) and isinstance(values, list) and len(names) == len(values)):
@@ -155,13 +154,13 @@ def _arrays(message: Mapping[str, Any]) -> Sets:
     return {"positions": _numbers(dict(zip(names, values, strict=True)), "positions")} if names else {}
 
 
-def _flat(message: Mapping[str, Any]) -> Sets:
+def _flat(message: Mapping[str, object]) -> Sets:
     """Read every number at the top level that is none of the envelope's."""
     joints = {name: value for name, value in message.items() if name not in NEVER_JOINTS}
     return {"positions": _numbers(joints, "")} if joints else {}
 
 
-def _numbers(values: Mapping[str, Any], where: str) -> dict[str, float]:
+def _numbers(values: Mapping[str, object], where: str) -> dict[str, float]:
     """Return the numbers of a set; raises WireError for anything else in it."""
     if len(values) > MOST_JOINTS:
         raise WireError(f"{len(values)} joints are more than {MOST_JOINTS}", where=where)

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
 
 from fleet.errors import WireError
 from fleet.wire.strict import number, optional_number, path
 
 
-def positive(members: Mapping[str, Any], name: str, where: str = "") -> float | None:
+def positive(members: Mapping[str, object], name: str, where: str = "") -> float | None:
     """Return the number called ``name``, which is more than 0; None when there is none."""
     value = optional_number(members, name, where)
     if value is not None and value <= 0:
@@ -17,7 +16,7 @@ def positive(members: Mapping[str, Any], name: str, where: str = "") -> float | 
     return value
 
 
-def not_negative(members: Mapping[str, Any], name: str, where: str = "") -> float | None:
+def not_negative(members: Mapping[str, object], name: str, where: str = "") -> float | None:
     """Return the number called ``name``, which is 0 or more; None when there is none."""
     value = optional_number(members, name, where)
     if value is not None and value < 0:
@@ -25,7 +24,7 @@ def not_negative(members: Mapping[str, Any], name: str, where: str = "") -> floa
     return value
 
 
-def within(members: Mapping[str, Any], name: str, where: str, most: float) -> float:
+def within(members: Mapping[str, object], name: str, where: str, most: float) -> float:
     """Return the number called ``name``, which must be there, from ``-most`` to ``most``."""
     value = number(members, name, where)
     if abs(value) > most:

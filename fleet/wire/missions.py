@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from types import MappingProxyType
-from typing import Any
 
 from fleet.errors import WireError
 from fleet.model.command import Command, Transport
@@ -84,7 +83,7 @@ def decode_mission(payload: bytes, *, way: Transport, twin: str = "") -> Navigat
     return Navigate(ask, execution, origin, stamp, MISSION)
 
 
-def _started(name: str, message: Mapping[str, Any], execution: str) -> FlyMission:
+def _started(name: str, message: Mapping[str, object], execution: str) -> FlyMission:
     """Read a mission that is to begin."""
     if name != "start":
         raise WireError(f"start, pause, resume or cancel is needed, not {name!a}", where="command")
@@ -95,7 +94,7 @@ def _started(name: str, message: Mapping[str, Any], execution: str) -> FlyMissio
     return _from_steps(message)
 
 
-def _from_steps(message: Mapping[str, Any]) -> FlyMission:
+def _from_steps(message: Mapping[str, object]) -> FlyMission:
     """Read the steps as the items of a mission."""
     steps = _items(message, "steps", "")
     items = []
@@ -107,7 +106,7 @@ def _from_steps(message: Mapping[str, Any]) -> FlyMission:
     return plan_of({"contract": CONTRACT, "name": message.get("name") or "steps", "items": items}, "")
 
 
-def plan_of(mission: Mapping[str, Any], where: str) -> FlyMission:
+def plan_of(mission: Mapping[str, object], where: str) -> FlyMission:
     """Read an ``aerial.mission.v1``; raises WireError with the place of what is missing or wrong."""
     if mission.get("contract") != CONTRACT:
         raise WireError(f"must be {CONTRACT}", where=path(where, "contract"))
@@ -166,7 +165,7 @@ def _item(value: object, where: str, default: float | None) -> PlanItem:
     )
 
 
-def _place(item: Mapping[str, Any], where: str, default: float | None) -> GeoPoint:
+def _place(item: Mapping[str, object], where: str, default: float | None) -> GeoPoint:
     """Read the place of an item; its altitude counts from what the mission says."""
     latitude, longitude = within(item, "latitude", where, 89.9), within(item, "longitude", where, 180.0)
     altitude = _altitude(item, "altitude_m", where)
@@ -179,12 +178,12 @@ def _place(item: Mapping[str, Any], where: str, default: float | None) -> GeoPoi
     return GeoPoint(latitude, longitude, altitude)
 
 
-def _altitude(members: Mapping[str, Any], name: str, where: str) -> float | None:
+def _altitude(members: Mapping[str, object], name: str, where: str) -> float | None:
     """Read an altitude in m, None when there is none."""
     return within(members, name, where, HIGHEST) if name in members else None
 
 
-def _home(home: Mapping[str, Any], where: str) -> GeoPoint:
+def _home(home: Mapping[str, object], where: str) -> GeoPoint:
     """Read the planned place of the take-off, m AMSL."""
     return GeoPoint(
         within(home, "latitude", where, 90.0),
@@ -193,7 +192,7 @@ def _home(home: Mapping[str, Any], where: str) -> GeoPoint:
     )
 
 
-def _items(message: Mapping[str, Any], name: str, where: str) -> list[object]:
+def _items(message: Mapping[str, object], name: str, where: str) -> list[object]:
     """Return an array of a bearable length."""
     items = message.get(name)
     if not isinstance(items, list) or not 1 <= len(items) <= MOST_ITEMS:
@@ -201,14 +200,14 @@ def _items(message: Mapping[str, Any], name: str, where: str) -> list[object]:
     return items
 
 
-def _members(value: object, where: str) -> dict[str, Any]:
+def _members(value: object, where: str) -> dict[str, object]:
     """Return the members of an object."""
     if not isinstance(value, dict):
         raise WireError(f"an object is needed, this is {kind(value)}", where=where)
     return given(value)
 
 
-def _seconds(item: Mapping[str, Any], where: str) -> float:
+def _seconds(item: Mapping[str, object], where: str) -> float:
     """Return how long to loiter."""
     seconds = positive(item, "seconds", where)
     if seconds is None or seconds > LONGEST:
@@ -216,7 +215,7 @@ def _seconds(item: Mapping[str, Any], where: str) -> float:
     return seconds
 
 
-def _turns(item: Mapping[str, Any], where: str) -> int:
+def _turns(item: Mapping[str, object], where: str) -> int:
     """Return how many turns to loiter: one byte on the autopilot."""
     turns = whole(item, "turns", where)
     if not 1 <= turns <= 255:

@@ -139,7 +139,7 @@ def _order(name: str, configured: Literal["auto", "wxyz", "xyzw"]) -> Order:
     return "xyzw" if name == "navigate_to_pose" else "wxyz"
 
 
-def _task(name: str, message: Mapping[str, Any], reading: _Reading) -> Task:
+def _task(name: str, message: Mapping[str, object], reading: _Reading) -> Task:
     """Read a task; raises WireError for a name that is none."""
     read = TASKS.get(name)
     if read is None:
@@ -150,7 +150,7 @@ def _task(name: str, message: Mapping[str, Any], reading: _Reading) -> Task:
     return read(message, reading)
 
 
-def _refuse_foreign_frames(message: Mapping[str, Any]) -> None:
+def _refuse_foreign_frames(message: Mapping[str, object]) -> None:
     """Refuse coordinates that are meant in any other frame than the world."""
     for name in ("reference_frame", "frame_id"):
         frame = optional_word(message, name)
@@ -159,14 +159,14 @@ def _refuse_foreign_frames(message: Mapping[str, Any]) -> None:
             raise WireError(f"{frame[:40]!a} is not a frame of the world ({known})", where=name)
 
 
-def _goto(message: Mapping[str, Any], reading: _Reading) -> Task:
+def _goto(message: Mapping[str, object], reading: _Reading) -> Task:
     """Read one goal, or a path when waypoints lead to it."""
     if message.get("waypoints"):
         return _path(message, reading)
     return GoTo(_goal(message, "", reading, _wait(message, "")), _constraints(message))
 
 
-def _path(message: Mapping[str, Any], reading: _Reading) -> Task:
+def _path(message: Mapping[str, object], reading: _Reading) -> Task:
     """Read a path; a position beside the waypoints is its last goal."""
     waypoints = message.get("waypoints")
     if not isinstance(waypoints, list) or not 1 <= len(waypoints) <= MOST_WAYPOINTS:
@@ -179,7 +179,7 @@ def _path(message: Mapping[str, Any], reading: _Reading) -> Task:
     return FollowPath(tuple(goals), _loops(message), _constraints(message))
 
 
-def _waypoint(item: object, where: str, reading: _Reading, wait: float, shared: Mapping[str, Any]) -> Goal:
+def _waypoint(item: object, where: str, reading: _Reading, wait: float, shared: Mapping[str, object]) -> Goal:
     """Read one waypoint: an object with a position, or its components, or a plain list.
 
     ``shared`` is what the message says for all of them. ``duration_seconds`` paces controllers that plan
@@ -199,7 +199,7 @@ def _waypoint(item: object, where: str, reading: _Reading, wait: float, shared: 
     return _goal({**inherited, **members}, where, reading, _wait(members, where) or wait)
 
 
-def _goal(members: Mapping[str, Any], where: str, reading: _Reading, wait: float) -> Goal:
+def _goal(members: Mapping[str, object], where: str, reading: _Reading, wait: float) -> Goal:
     """Read a place and the heading there."""
     if members.get("actions"):
         raise WireError("nothing can be done at a goal but wait", where=path(where, "actions"))
@@ -214,7 +214,7 @@ def _goal(members: Mapping[str, Any], where: str, reading: _Reading, wait: float
     return Goal(position, yaw=_yaw(members, where, reading), wait=wait)
 
 
-def _refuse_other_kind(members: Mapping[str, Any], where: str, expected: str) -> None:
+def _refuse_other_kind(members: Mapping[str, object], where: str, expected: str) -> None:
     """Refuse a place that contradicts the coordinate frame it is given in."""
     if "coordinate_frame" not in members:
         return
@@ -238,7 +238,7 @@ def _numbers(values: Sequence[object], where: str) -> list[float]:
     return [finite(value, f"{where}.{index}") for index, value in enumerate(values)]
 
 
-def _yaw(members: Mapping[str, Any], where: str, reading: _Reading) -> float | None:
+def _yaw(members: Mapping[str, object], where: str, reading: _Reading) -> float | None:
     """Return the world yaw of a goal in metres, None when it is left to the robot."""
     if "yaw" in members:
         return wrap_angle(number(members, "yaw", where))
@@ -248,7 +248,7 @@ def _yaw(members: Mapping[str, Any], where: str, reading: _Reading) -> float | N
     return _heading(members, where, reading)
 
 
-def _heading(members: Mapping[str, Any], where: str, reading: _Reading) -> float | None:
+def _heading(members: Mapping[str, object], where: str, reading: _Reading) -> float | None:
     """Return the world yaw of a compass heading (``orientation.heading``, degrees), None without one."""
     if "geodetic_position" in members and members.keys() & {"yaw", "rotation"}:
         raise WireError("a geodetic goal is turned by orientation.heading", where=where or "message")
@@ -258,7 +258,7 @@ def _heading(members: Mapping[str, Any], where: str, reading: _Reading) -> float
     return wrap_angle(enu_yaw_from_heading(math.radians(heading - reading.origin_heading)))
 
 
-def _geodetic(members: Mapping[str, Any], where: str, reading: _Reading) -> GeoPoint:
+def _geodetic(members: Mapping[str, object], where: str, reading: _Reading) -> GeoPoint:
     """Read a place on Earth; its altitude is returned AMSL."""
     place = path(where, "geodetic_position")
     point = given(child(members, "geodetic_position", where))
@@ -283,7 +283,7 @@ def _datum(members: Mapping[str, Any], where: str, reading: _Reading) -> float:
     return reading.home_altitude
 
 
-def _relative(message: Mapping[str, Any], _reading: _Reading) -> Task:
+def _relative(message: Mapping[str, object], _reading: _Reading) -> Task:
     """Read a move from here, in metres, in the robot's frame or the world's."""
     if "relative_translation" not in message:
         raise WireError("is missing", where="relative_translation")
@@ -297,7 +297,7 @@ def _relative(message: Mapping[str, Any], _reading: _Reading) -> Task:
     return RelativeMove(translation, frame == "body", _constraints(message))
 
 
-def _constraints(message: Mapping[str, Any]) -> Constraints:
+def _constraints(message: Mapping[str, object]) -> Constraints:
     """Read what the asker limits; what is not known here is left to the robot's own limits."""
     if "constraints" not in message:
         return Constraints()
@@ -308,14 +308,14 @@ def _constraints(message: Mapping[str, Any]) -> Constraints:
     )
 
 
-def _metadata(members: Mapping[str, Any], where: str) -> dict[str, Any]:
+def _metadata(members: Mapping[str, object], where: str) -> dict[str, object]:
     """Return the metadata, empty when there is none."""
     metadata = given(child(members, "metadata", where)) if "metadata" in members else {}
     refuse_misspelt(metadata, _FIELDS["metadata"], path(where, "metadata"))
     return metadata
 
 
-def _wait(members: Mapping[str, Any], where: str) -> float:
+def _wait(members: Mapping[str, object], where: str) -> float:
     """Return the seconds to stay at a goal."""
     place = path(where, "metadata")
     wait = not_negative(_metadata(members, where), "wait_s", place) or 0.0
@@ -324,7 +324,7 @@ def _wait(members: Mapping[str, Any], where: str) -> float:
     return wait
 
 
-def _loops(message: Mapping[str, Any]) -> int:
+def _loops(message: Mapping[str, object]) -> int:
     """Return how often a path is followed."""
     metadata = {"max_loops": 1, **_metadata(message, "")}
     loops = whole(metadata, "max_loops", "metadata")
@@ -333,7 +333,7 @@ def _loops(message: Mapping[str, Any]) -> int:
     return loops
 
 
-TASKS: Mapping[str, Callable[[Mapping[str, Any], _Reading], Task]] = MappingProxyType(
+TASKS: Mapping[str, Callable[[Mapping[str, object], _Reading], Task]] = MappingProxyType(
     {
         "goto": _goto,
         "navigate_to_pose": _goto,

@@ -23,10 +23,10 @@ from fleet.wire.strict import child, text
 LEVELS = frozenset({"DEBUG", "INFO", "WARNING", "ERROR", "CRITICAL"})
 ENVELOPE = frozenset({"ts", "timestamp", "type", "source_type", "session_id", "twin_uuid"})
 """What every message may carry, of which the bridge makes its own."""
-_DECODER: msgspec.json.Decoder[dict[str, Any]] = json_decoder(dict[str, Any])
+_DECODER: msgspec.json.Decoder[dict[str, object]] = json_decoder(dict[str, Any])
 
 
-def stamp_in(message: Mapping[str, Any], sample: bytes) -> float:
+def stamp_in(message: Mapping[str, object], sample: bytes) -> float:
     """Return when a message on the bus was made, Unix seconds: by its own stamp, else its sample's header.
 
     Raises WireError when nothing says so.
@@ -38,7 +38,7 @@ def stamp_in(message: Mapping[str, Any], sample: bytes) -> float:
     return stamp
 
 
-def object_in(sample: bytes, where: str) -> dict[str, Any]:
+def object_in(sample: bytes, where: str) -> dict[str, object]:
     """Return the JSON object in a sample; raises WireError for anything else."""
     try:
         return _DECODER.decode(json_payload(sample))
@@ -52,7 +52,7 @@ def decode_published(channel: str, sample: bytes) -> Report:
     return PUBLISHED[channel](message, stamp_in(message, sample))
 
 
-def _telemetry(message: Mapping[str, Any], stamp: float) -> TelemetryReport:
+def _telemetry(message: Mapping[str, object], stamp: float) -> TelemetryReport:
     """Read one message of telemetry: its type, and whatever stands beside it."""
     given = {name: value for name, value in message.items() if name not in ("ts", "type", "fields")}
     return TelemetryReport(stamp, text(message, "type"), {**given, **_part(message, "fields")})
@@ -84,7 +84,7 @@ def _log(message: Mapping[str, Any], stamp: float) -> LogReport:
     return LogReport(stamp, level, text(message, "message"), {**about, **_part(message, "about")})
 
 
-def _part(message: Mapping[str, Any], name: str) -> Mapping[str, Any]:
+def _part(message: Mapping[str, object], name: str) -> Mapping[str, object]:
     """Return the members of an object, none when it is not there; raises WireError for anything else."""
     return child(message, name) if message.get(name) is not None else {}
 
@@ -94,7 +94,7 @@ def _are_objects(value: object) -> bool:
     return isinstance(value, list) and all(isinstance(each, dict) for each in value)
 
 
-PUBLISHED: Mapping[str, Callable[[Mapping[str, Any], float], Report]] = MappingProxyType(
+PUBLISHED: Mapping[str, Callable[[Mapping[str, object], float], Report]] = MappingProxyType(
     {TelemetryReport.channel: _telemetry, MetricsReport.channel: _metrics, LogReport.channel: _log}
 )
 """By channel, what reads a message of it."""

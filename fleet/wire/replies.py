@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import msgspec
 
 from fleet.model.command import Reply
@@ -16,7 +14,7 @@ def command_response(reply: Reply, *, twin: str, source_type: str, stamp: float)
     What is empty is left out. ``done`` stands beside the contract's fields once the outcome is known, and
     ``data`` what was asked for.
     """
-    message: dict[str, Any] = {
+    message: dict[str, object] = {
         "contract": "twin.command_response.v1",
         "twin_uuid": twin,
         "command": reply.command,
@@ -36,7 +34,7 @@ def legacy_status(reply: Reply, *, stamp: float, source_type: str, request: str 
     ``done`` stands in it once the outcome is known. ``request`` is the asker's own name of the request
     (its Correlation Data), left out when empty.
     """
-    message: dict[str, Any] = {
+    message: dict[str, object] = {
         "status": "ok" if reply.ok else "error",
         "ok": reply.ok,
         "command": reply.command,
@@ -51,10 +49,10 @@ def legacy_status(reply: Reply, *, stamp: float, source_type: str, request: str 
     return encode_finite(message)
 
 
-def _details(reply: Reply) -> dict[str, Any]:
+def _details(reply: Reply) -> dict[str, object]:
     """Return why, in the host's and the robot's own words, and what was asked for."""
     reason = f"{reply.reason} ({reply.hint})" if reply.hint else reply.reason
-    details: dict[str, Any] = {
+    details: dict[str, object] = {
         "reason": reason,
         "device_result": reply.device_result,
         "messages": reply.messages,

@@ -264,7 +264,7 @@ def _event(report: EventReport) -> Leaves:
     return [("event", event_body(report))] if report.kind in TOLD_TO_THE_CLOUD else []
 
 
-_FORMS: Mapping[type[Any], Callable[[Any], Leaves]] = MappingProxyType(
+_FORMS: Mapping[type[object], Callable[[Any], Leaves]] = MappingProxyType(
     {
         ScaleReport: _scale,
         BatteryReport: _battery,

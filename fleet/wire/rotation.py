@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from typing import Any, Literal
+from typing import Literal
 
 from fleet.errors import WireError
 from fleet.model.geometry import Quaternion
@@ -43,6 +43,6 @@ def _rotation(value: object, order: Order, where: str) -> Quaternion:
     return Quaternion(**dict(zip(order, numbers, strict=True)))
 
 
-def _by_name(value: Mapping[str, Any], where: str) -> Quaternion:
+def _by_name(value: Mapping[str, object], where: str) -> Quaternion:
     """Return a rotation whose components are named; all four must be there."""
     return Quaternion(*(number(value, name, where) for name in "wxyz"))

@@ -35,7 +35,7 @@ def array_sample(
     payload: bytes, *, stamp: float, sequence: int, shape: tuple[int, ...], dtype: str, sensor: str = ""
 ) -> bytes:
     """Return the bytes of an array behind its header, as the SDK writes those of numpy."""
-    header: dict[str, Any] = {"content_type": ARRAY_TYPE, "shape": shape, "dtype": dtype}
+    header: dict[str, object] = {"content_type": ARRAY_TYPE, "shape": shape, "dtype": dtype}
     if sensor:
         header["sensor_id"] = sensor
     encoded = msgspec.json.encode(header)

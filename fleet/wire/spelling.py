@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import difflib
 from collections.abc import Mapping
-from typing import Any
 
 from fleet.errors import WireError
 from fleet.wire.strict import path
@@ -19,7 +18,7 @@ MOST_FOREIGN = 64  # fields of other programs in one message; to compare more ta
 LONGEST = 40  # characters of a field that may be a misspelt one
 
 
-def refuse_unknown(members: Mapping[str, Any], known: frozenset[str], where: str = "") -> None:
+def refuse_unknown(members: Mapping[str, object], known: frozenset[str], where: str = "") -> None:
     """Raise WireError for a field that is not ``known``, with the one that was perhaps meant."""
     if members.keys() <= known:
         return
@@ -29,7 +28,7 @@ def refuse_unknown(members: Mapping[str, Any], known: frozenset[str], where: str
     raise WireError(f"is not a field that is read; {hint}", where=path(where, name[:LONGEST]))
 
 
-def refuse_misspelt(members: Mapping[str, Any], read: frozenset[str], where: str = "") -> None:
+def refuse_misspelt(members: Mapping[str, object], read: frozenset[str], where: str = "") -> None:
     """Raise WireError for a field that is not ``read`` but looks like one that is."""
     foreign = [name for name in members if name not in read]
     if len(foreign) > MOST_FOREIGN:

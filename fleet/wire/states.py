@@ -73,7 +73,7 @@ def _pose(report: PoseReport, by: MessageSource) -> list[tuple[str, State]]:
     return [("position", place), ("rotation", turn)]
 
 
-def _joints(report: JointReport, by: MessageSource) -> Sequence[tuple[str, State | dict[str, Any]]]:
+def _joints(report: JointReport, by: MessageSource) -> Sequence[tuple[str, State | dict[str, object]]]:
     """Make one message for two topics; nothing without a joint. Other layouts have messages of their own."""
     if not report.positions:
         return []
@@ -93,7 +93,9 @@ def _imu(report: ImuReport, by: MessageSource) -> list[tuple[str, State]]:
     return [("imu", message)]
 
 
-STATES: Mapping[type[Any], Callable[[Any, MessageSource], Sequence[tuple[str, State | dict[str, Any]]]]] = {
+STATES: Mapping[
+    type[object], Callable[[Any, MessageSource], Sequence[tuple[str, State | dict[str, object]]]]
+] = {
     PoseReport: _pose,
     JointReport: _joints,
     ImuReport: _imu,

@@ -12,7 +12,6 @@ import re
 import unicodedata
 from collections.abc import Mapping
 from types import MappingProxyType
-from typing import Any
 
 from fleet.wire.rules import Kind
 
@@ -52,7 +51,7 @@ def releases(name: object, data: object) -> bool:
     return name == "estop" and isinstance(data, dict) and data.get("activate") is False
 
 
-def stop_named(message: Mapping[str, Any]) -> str:
+def stop_named(message: Mapping[str, object]) -> str:
     """Return the stop that a message names as ``command`` or as ``type``; empty when it names none."""
     for field in _FIELDS:
         name = message.get(field)
@@ -62,7 +61,7 @@ def stop_named(message: Mapping[str, Any]) -> str:
     return ""
 
 
-def is_reply(message: Mapping[str, Any]) -> bool:
+def is_reply(message: Mapping[str, object]) -> bool:
     """Return True for an answer that strayed onto a topic on which robots are asked: it has a ``status``.
 
     A stop that has one is a stop all the same, unless an edge says it, or nobody says who does: so answers
@@ -90,9 +89,9 @@ def stop_in(payload: bytes, kind: Kind = "command") -> str:
     return _of_value(value, tasks=tasks)
 
 
-def _members(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+def _members(pairs: list[tuple[str, object]]) -> dict[str, object]:
     """Make an object of its members; of two values for one key a stop counts, else the last."""
-    members: dict[str, Any] = {}
+    members: dict[str, object] = {}
     for name, value in pairs:
         if not stop_word(members.get(name)):
             members[name] = value
@@ -108,7 +107,7 @@ def _of_value(value: object, *, tasks: bool) -> str:
     return stop_word(value)
 
 
-def _ended(message: Mapping[str, Any], *, tasks: bool) -> str:
+def _ended(message: Mapping[str, object], *, tasks: bool) -> str:
     """Return ``stop`` for a velocity of no duration, and for what ends a task; else nothing."""
     name = message.get("command")
     if not isinstance(name, str):

@@ -56,14 +56,14 @@ def read_stream(sample: bytes) -> StreamState | None:
         raise WireError(str(error), where=CHANNEL) from None
 
 
-def health_of(name: str, stream: StreamState, *, now: float) -> dict[str, Any]:
+def health_of(name: str, stream: StreamState, *, now: float) -> dict[str, object]:
     """Return a stream's entry in ``edge_health``, the SDK's fields in its order; ``now`` in Unix seconds.
 
     It is stale without a frame for ``STALE`` seconds, and healthy while it is connected and not stale.
     """
     silent = stream.uptime_seconds if stream.last_frame_ts is None else now - stream.last_frame_ts
     is_stale = silent > STALE
-    entry: dict[str, Any] = {
+    entry: dict[str, object] = {
         "camera_id": stream.camera_id or name,
         "connection_state": stream.connection_state,
         "ice_connection_state": stream.ice_connection_state,

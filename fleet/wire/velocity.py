@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from types import MappingProxyType
-from typing import Any
 
 from cyberwave_contracts import AerialVelocityCommandV1, LocomotionVelocityCommandV1
 from pydantic import ValidationError
@@ -27,7 +26,7 @@ _CONTRACTS: Mapping[str, type[Contract]] = MappingProxyType(
 )
 
 
-def read_velocity_contract(body: Mapping[str, Any], *, where: str) -> tuple[Velocity, float]:
+def read_velocity_contract(body: Mapping[str, object], *, where: str) -> tuple[Velocity, float]:
     """Return the velocity (body frame, signed) and its lease in seconds; a lease of 0.0 means stop.
 
     A duration of 0 ms and the gait ``stand`` mean stop; any other duration is held between 0.15 and

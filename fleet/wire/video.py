@@ -69,7 +69,7 @@ def read_video_reply(payload: bytes) -> VideoReply:
 
 def video_status(reply: Reply, *, stamp: float, source_type: str) -> bytes:
     """Return the message for ``T {command}/status``; ``stamp`` in Unix seconds."""
-    message: dict[str, Any] = {
+    message: dict[str, object] = {
         "type": VIDEO_TYPES[reply.command],
         "status": "ok" if reply.ok else "error",
         "source_type": source_type,

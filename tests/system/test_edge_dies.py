@@ -8,8 +8,8 @@ import uuid
 import psutil
 import pytest
 
-from fleet.testing.asker import PUPPETS
 from fleet.testing.waiting import wait_until
+from tests.tools.asker import PUPPETS
 
 TWINS = {name: str(uuid.uuid4()) for name in ("rex", "max", "ada")}
 PASSWORD = "not-in-any-argv"

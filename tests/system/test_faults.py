@@ -5,10 +5,10 @@ import time
 
 import pytest
 
-from fleet.testing.asker import PUPPETS, Asker, counted, executed
-from fleet.testing.promises import Rules, What, broken
-from fleet.testing.proxy import TcpProxy
 from fleet.testing.waiting import wait_until
+from tests.tools.asker import PUPPETS, Asker, counted, executed
+from tests.tools.promises import Rules, What, broken
+from tests.tools.proxy import TcpProxy
 
 TWINS = {f"puppet-{n}": f"6f0c9a1e-3b1d-4c52-9b7e-0a4f5d6c7c{n:02d}" for n in range(4)}
 SLACK = 0.5  # s of a busy computer between the check of an age and the journal

@@ -137,7 +137,7 @@ class ArduPilot(Autopilot):
 
     # setpoints
 
-    def setpoint(self, message: Any) -> None:
+    def setpoint(self, message: object) -> None:
         """Obey a setpoint in GUIDED flight; ignore it silently otherwise."""
         if self.mode.name == "GUIDED" and self.armed and (self.flying or self.taking_off):
             manoeuvre = self.fly_setpoint(setpoint_of(message))

@@ -232,14 +232,14 @@ class Autopilot(Speaker, ABC):
             self.acknowledge(ask, result)
 
     @abstractmethod
-    def setpoint(self, message: Any) -> None:
+    def setpoint(self, message: object) -> None:
         """Obey or ignore SET_POSITION_TARGET_LOCAL_NED or _GLOBAL_INT."""
 
     @abstractmethod
     def fly_setpoint(self, setpoint: Setpoint) -> Manoeuvre:
         """Return the manoeuvre that a setpoint asks for."""
 
-    def gcs_heartbeat(self, message: Any) -> None:  # noqa: ARG002 - PX4 takes any
+    def gcs_heartbeat(self, message: object) -> None:  # noqa: ARG002 - PX4 takes any
         """Note that a ground station is there."""
         self.gcs_heard_at = self.time
 

@@ -72,6 +72,6 @@ def whole(number: float) -> int:
     return int(number) if math.isfinite(number) else -1
 
 
-def ack(ask: CommandRequest, result: int, progress: int = 0) -> Any:
+def ack(ask: CommandRequest, result: int, progress: int = 0) -> object:
     """Return the COMMAND_ACK addressed to who asked."""
     return mav.MAVLink_command_ack_message(ask.command, result, progress, 0, ask.system, ask.component)

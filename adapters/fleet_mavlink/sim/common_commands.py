@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from pymavlink.dialects.v20 import all as mav
 
@@ -43,7 +43,7 @@ def turn_gimbal(pilot: Autopilot, ask: CommandRequest) -> int | None:
     return pilot.without_gimbal if gimbal is None else gimbal.turn(ask)
 
 
-def requested(pilot: Autopilot, message_id: int) -> Any:
+def requested(pilot: Autopilot, message_id: int) -> object:
     """Return the message that REQUEST_MESSAGE names, None where there is none or nothing to tell."""
     gimbal = pilot.equipment.gimbal
     if message_id == mav.MAVLINK_MSG_ID_GIMBAL_MANAGER_INFORMATION:

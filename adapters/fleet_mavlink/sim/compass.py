@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, Protocol
+from typing import Protocol
 
 from pymavlink.dialects.v20 import all as mav
 
@@ -44,7 +44,7 @@ class SimCompass:
             speaker.say(2, "[cal] calibration cancelled")
         self._began = None
 
-    def tick(self, now: float, speaker: Speaker, *, fails: bool) -> list[Any]:
+    def tick(self, now: float, speaker: Speaker, *, fails: bool) -> list[object]:
         """Tell how far it is, and how it ended."""
         if self._began is None or now - self._told_at < _TOLD_EVERY:
             return []
@@ -55,14 +55,14 @@ class SimCompass:
         self._began = None
         return self._end(speaker, fails=fails)
 
-    def _progress(self, percent: int, speaker: Speaker) -> list[Any]:
+    def _progress(self, percent: int, speaker: Speaker) -> list[object]:
         """Tell percent."""
         if self.words:
             speaker.say(6, f"[cal] progress <{percent}>")
             return []
         return [mav.MAVLink_mag_cal_progress_message(0, 1, 3, 1, percent, [0] * 10, 0.0, 0.0, 0.0)]
 
-    def _end(self, speaker: Speaker, *, fails: bool) -> list[Any]:
+    def _end(self, speaker: Speaker, *, fails: bool) -> list[object]:
         """Tell the result."""
         if self.words:
             speaker.say(

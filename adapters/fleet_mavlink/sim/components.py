@@ -44,15 +44,15 @@ class Component:
             said.append(mav.MAVLink_heartbeat_message(self.kind, nobody, 0, 0, state, 3))
         return self.framed(said)
 
-    def told(self, now: float) -> list[Any]:  # noqa: ARG002 - for those who tell more
+    def told(self, now: float) -> list[object]:  # noqa: ARG002 - for those who tell more
         """Return what it tells besides its heartbeat."""
         return []
 
-    def asked(self, message: Any, now: float) -> list[Any] | None:  # noqa: ARG002 - for those who answer
+    def asked(self, message: object, now: float) -> list[object] | None:  # noqa: ARG002 - for those who answer
         """Return the answers to what is addressed to it; None: it is not."""
         return None
 
-    def framed(self, messages: list[Any]) -> list[bytes]:
+    def framed(self, messages: list[object]) -> list[bytes]:
         """Return frames in its name."""
         return framed(self._packer, messages)
 
@@ -67,7 +67,7 @@ class GimbalDevice(Component):
         super().__init__(vehicle)
         self._gimbal = vehicle.equipment.gimbal = SimGimbal()
 
-    def told(self, now: float) -> list[Any]:
+    def told(self, now: float) -> list[object]:
         """Tell how it is turned."""
         return self._gimbal.due(now, int(now * 1000))
 
@@ -83,7 +83,7 @@ class SimCamera(Component):
         self._pictures = 0
         self._ready_at: list[float] = []
 
-    def asked(self, message: Any, now: float) -> list[Any] | None:
+    def asked(self, message: Any, now: float) -> list[object] | None:
         """Answer IMAGE_START_CAPTURE for one picture; the rest is unsupported."""
         if message.get_type() != "COMMAND_LONG" or message.target_component != self.component:
             return None
@@ -94,13 +94,13 @@ class SimCamera(Component):
         result = ACCEPTED if takes else UNSUPPORTED
         return [mav.MAVLink_command_ack_message(ask.command, result, 0, 0, ask.system, ask.component)]
 
-    def told(self, now: float) -> list[Any]:
+    def told(self, now: float) -> list[object]:
         """Tell the pictures that are taken."""
         taken = [at for at in self._ready_at if at <= now]
         self._ready_at = [at for at in self._ready_at if at > now]
         return [self._picture(now) for _ in taken]
 
-    def _picture(self, now: float) -> Any:
+    def _picture(self, now: float) -> object:
         """Return CAMERA_IMAGE_CAPTURED."""
         self._pictures += 1
         latitude, longitude, altitude = self._vehicle.pilot.geo()

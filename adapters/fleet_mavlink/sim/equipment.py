@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from fleet_mavlink.sim.compass import SimCompass
 from fleet_mavlink.sim.gimbal import SimGimbal
@@ -25,7 +25,7 @@ class Equipment:
         self.logs.reboot()
         self.compass = SimCompass(words=self.compass.words)
 
-    def tick(self, pilot: Autopilot, dt: float) -> list[Any]:
+    def tick(self, pilot: Autopilot, dt: float) -> list[object]:
         """Move on; return what is told of its own accord."""
         told = self.logs.pending()
         told += self.compass.tick(pilot.time, pilot, fails="compass_fails" in pilot.faults)

@@ -6,7 +6,7 @@ import json
 import lzma
 import struct
 from collections.abc import Mapping
-from typing import Any, ClassVar
+from typing import ClassVar
 
 from pymavlink.dialects.v20 import all as mav
 
@@ -17,11 +17,11 @@ DISENGAGED, HOLDS, ENTERS, GENERIC = 12770418, 13704694, 9751178, 14605264
 _ACTION, _CAUSE = "px4::failsafe_action_t", "px4::failsafe_cause_t"
 
 
-def _event(name: str, message: str, *types: str) -> dict[str, Any]:
+def _event(name: str, message: str, *types: str) -> dict[str, object]:
     return {"name": name, "message": message, "arguments": [{"name": "", "type": each} for each in types]}
 
 
-def _enum(*words: str) -> dict[str, Any]:
+def _enum(*words: str) -> dict[str, object]:
     entries = {str(value): {"name": "", "description": word} for value, word in enumerate(words)}
     return {"type": "uint8_t", "entries": entries}
 
@@ -88,7 +88,7 @@ class EventMessage(mav.MAVLink_message):  # type: ignore[misc]  # pymavlink has 
         self._number = 1 << 24 | number
         self._arguments = struct.pack(packing, *arguments).ljust(40, b"\0")
 
-    def pack(self, link: Any, force_mavlink1: bool = False) -> bytes:  # noqa: FBT001, FBT002 - pymavlink's
+    def pack(self, link: object, force_mavlink1: bool = False) -> bytes:  # noqa: FBT001, FBT002 - pymavlink's
         """Return the frame, log level 2."""
         payload = struct.pack("<IIHBBB", self._number, 0, self.sequence, 0, 0, 0x42) + self._arguments
         return bytes(self._pack(link, self.crc_extra, payload, force_mavlink1=force_mavlink1))

@@ -17,7 +17,7 @@ _DATA = 239
 FILES: Mapping[str, bytes] = {PATH: PACKED}
 
 
-def answer(message: Any, files: Mapping[str, bytes]) -> list[Any]:
+def answer(message: Any, files: Mapping[str, bytes]) -> list[object]:
     """Return the answer to one request."""
     payload = bytes(message.payload)
     sequence, session, opcode, size, _, _, offset = _HEAD.unpack_from(payload)

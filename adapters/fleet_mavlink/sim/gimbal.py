@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from typing import Any
 
 from pymavlink.dialects.v20 import all as mav
 
@@ -48,12 +47,12 @@ class SimGimbal:
         self.pitch = self._pitch.moved(self.pitch, _PITCH, dt)
         self.yaw = self._yaw.moved(self.yaw, _YAW, dt)
 
-    def information(self, boot_ms: int) -> Any:
+    def information(self, boot_ms: int) -> object:
         """Return GIMBAL_MANAGER_INFORMATION."""
         limits = (0.0, 0.0, *map(math.radians, (*_PITCH, *_YAW)))
         return mav.MAVLink_gimbal_manager_information_message(boot_ms, 0, DEVICE, *limits)
 
-    def due(self, now: float, boot_ms: int) -> list[Any]:
+    def due(self, now: float, boot_ms: int) -> list[object]:
         """Return GIMBAL_DEVICE_ATTITUDE_STATUS when it is time for it."""
         if now - self._told_at < _TOLD_EVERY:
             return []

@@ -32,7 +32,7 @@ class SimLogs:
         """Forget what is being sent."""
         self._at = self._end = 0
 
-    def asked_list(self, message: Any) -> Iterable[Any]:
+    def asked_list(self, message: Any) -> Iterable[object]:
         """Answer LOG_REQUEST_LIST with an entry for each log."""
         last = max(self._sizes)
         return [
@@ -41,7 +41,7 @@ class SimLogs:
             if message.start <= number <= message.end
         ]
 
-    def asked_data(self, message: Any) -> Iterable[Any]:
+    def asked_data(self, message: Any) -> Iterable[object]:
         """Begin to send a part of a log; nothing beyond its end."""
         size = self._sizes.get(message.id, 0)
         if message.id != self._number or not self._data:
@@ -50,16 +50,16 @@ class SimLogs:
         self._end = min(size, message.ofs + message.count)
         return ()
 
-    def asked_end(self) -> Iterable[Any]:
+    def asked_end(self) -> Iterable[object]:
         """Send no more."""
         self.reboot()
         return ()
 
-    def pending(self) -> list[Any]:
+    def pending(self) -> list[object]:
         """Return the next LOG_DATA messages."""
         if self._at >= self._end:
             return []
-        pieces: list[Any] = []
+        pieces: list[object] = []
         while self._at < self._end and len(pieces) < _PACE:
             part = self._data[self._at : min(self._at + _PIECE, self._end)]
             padded = list(part.ljust(_PIECE, b"\0"))

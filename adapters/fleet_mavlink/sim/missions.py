@@ -96,12 +96,12 @@ class SimMissions:
         self.state = NO_MISSION
         self._reached: tuple[int, int, float] | None = None  # the item, how often it is told still, when next
 
-    def reached(self, now: float) -> Any:
+    def reached(self, now: float) -> object:
         """Return the message that the current item is done; PX4 tells it again and again."""
         self._reached = (self.current, self.habits.reached_times - 1, now + _TOLD_AGAIN)
         return mav.MAVLink_mission_item_reached_message(self.current)
 
-    def _told_again(self, now: float) -> Iterable[Any]:
+    def _told_again(self, now: float) -> Iterable[object]:
         """Tell the last item that was done again, also where another mission has come since."""
         if self._reached is None or not self._reached[1] or now < self._reached[2]:
             return ()
@@ -148,11 +148,11 @@ class SimMissions:
         self.current = 0
         self.state = NOT_STARTED if self.loaded else NO_MISSION
 
-    def overdue(self, now: float) -> Iterable[Any]:
+    def overdue(self, now: float) -> Iterable[object]:
         """Say what is to be said again; ask for an item that did not come, end an upload that went silent."""
         return [*self._told_again(now), *self._asked_again(now)]
 
-    def _asked_again(self, now: float) -> Iterable[Any]:
+    def _asked_again(self, now: float) -> Iterable[object]:
         """Go on with an upload."""
         upload = self._upload
         if upload is None:
@@ -165,7 +165,7 @@ class SimMissions:
         upload.asked_at = now
         return [self._request(upload)]
 
-    def count(self, message: Any, now: float) -> Iterable[Any]:
+    def count(self, message: Any, now: float) -> Iterable[object]:
         """Begin an upload (MISSION_COUNT)."""
         upload = _Upload(
             message.get_srcSystem(),
@@ -183,7 +183,7 @@ class SimMissions:
         self._upload = upload
         return [self._request(upload)]
 
-    def item(self, message: Any, now: float) -> Iterable[Any]:
+    def item(self, message: Any, now: float) -> Iterable[object]:
         """Take an item of the upload (MISSION_ITEM_INT or MISSION_ITEM)."""
         upload = self._upload
         if upload is None or message.mission_type != upload.kind:
@@ -202,7 +202,7 @@ class SimMissions:
         upload.asked_at = now
         return [self._request(upload)]
 
-    def _store(self, upload: _Upload) -> Iterable[Any]:
+    def _store(self, upload: _Upload) -> Iterable[object]:
         """End an upload: the plan replaces the old one."""
         self._upload = None
         self._plans[upload.kind] = upload.items
@@ -211,7 +211,7 @@ class SimMissions:
             self._rewind()
         return [self._ack(upload, mav.MAV_MISSION_ACCEPTED)]
 
-    def request_list(self, message: Any) -> Iterable[Any]:
+    def request_list(self, message: Any) -> Iterable[object]:
         """Answer MISSION_REQUEST_LIST with the number of items."""
         system, component = message.get_srcSystem(), message.get_srcComponent()
         kind = message.mission_type
@@ -220,7 +220,7 @@ class SimMissions:
         count = len(self.plan(kind))
         return [mav.MAVLink_mission_count_message(system, component, count, kind)]
 
-    def request(self, message: Any, home: tuple[float, float, float] | None) -> Iterable[Any]:
+    def request(self, message: Any, home: tuple[float, float, float] | None) -> Iterable[object]:
         """Answer MISSION_REQUEST_INT or MISSION_REQUEST with the item."""
         system, component = message.get_srcSystem(), message.get_srcComponent()
         kind, seq = message.mission_type, message.seq
@@ -264,10 +264,10 @@ class SimMissions:
             self.state = NOT_STARTED
         return True
 
-    def _request(self, upload: _Upload) -> Any:
+    def _request(self, upload: _Upload) -> object:
         return self.habits.request(upload.system, upload.component, len(upload.items), upload.kind)
 
-    def _ack(self, upload: _Upload, result: int) -> Any:
+    def _ack(self, upload: _Upload, result: int) -> object:
         return mav.MAVLink_mission_ack_message(upload.system, upload.component, result, upload.kind)
 
 

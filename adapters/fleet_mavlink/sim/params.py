@@ -141,19 +141,19 @@ class Params:
         """Forget the list that is being sent."""
         self._queue.clear()
 
-    def pending(self) -> list[Any]:
+    def pending(self) -> list[object]:
         """Return the next PARAM_VALUE messages of a list that was asked for."""
         batch, self._queue = self._queue[:_LIST_PACE], self._queue[_LIST_PACE:]
         return [self._message(name) for name in batch]
 
-    def asked_list(self) -> Iterable[Any]:
+    def asked_list(self) -> Iterable[object]:
         """Start to send all; PX4 adds its hash at the end."""
         self._queue = sorted(self._values)
         if self._encoding == "bytewise":
             self._queue.append("_HASH_CHECK")
         return ()
 
-    def asked_read(self, message: Any) -> Iterable[Any]:
+    def asked_read(self, message: Any) -> Iterable[object]:
         """Answer PARAM_REQUEST_READ by name, or by index when it is not negative."""
         names = sorted(self._values)
         name = message.param_id
@@ -161,7 +161,7 @@ class Params:
             name = names[message.param_index] if message.param_index < len(names) else ""
         return [self._message(name)] if name in self._values or name == "_HASH_CHECK" else ()
 
-    def asked_set(self, message: Any) -> Iterable[Any]:
+    def asked_set(self, message: Any) -> Iterable[object]:
         """Store what PARAM_SET brings and answer with what is stored; the range is not checked."""
         name = message.param_id
         if name not in self._values:
@@ -172,7 +172,7 @@ class Params:
             self._values[name] = (kind, value)
         return [self._message(name)]
 
-    def _message(self, name: str) -> Any:
+    def _message(self, name: str) -> object:
         """Return PARAM_VALUE for a name."""
         if name == "_HASH_CHECK":
             sensors = encode(INT32, len(self._values) * 7919, "bytewise")

@@ -80,7 +80,7 @@ class SimPx4(Autopilot):
         self._setpoint_at: float | None = None
         self._stream_since = 0.0
         self.failsafes = Px4Failsafes(self)
-        self._withheld: list[Any] = []
+        self._withheld: list[object] = []
 
     # readiness
 
@@ -153,7 +153,7 @@ class SimPx4(Autopilot):
             del self.out[before:]
             del self._withheld[:-_TEXTS_KEPT]
 
-    def gcs_heartbeat(self, message: Any) -> None:
+    def gcs_heartbeat(self, message: object) -> None:
         """Any ground station counts; the texts that were kept follow 50 ms apart."""
         super().gcs_heartbeat(message)
         for place, text in enumerate(self._withheld):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from typing import Any, ClassVar
+from typing import ClassVar
 
 from pymavlink.dialects.v20 import all as mav
 
@@ -97,7 +97,7 @@ class SimArduRover(ArduPilot):
             return "init failed"
         return "requires position" if self.armed and mode.position and not self.has_position else ""
 
-    def setpoint(self, message: Any) -> None:
+    def setpoint(self, message: object) -> None:
         """Obey a setpoint in GUIDED; ignore it silently otherwise."""
         if self.mode.name == "GUIDED" and self.armed:
             self.manoeuvre = self.fly_setpoint(setpoint_of(message))

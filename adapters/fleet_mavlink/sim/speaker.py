@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import random
 from collections.abc import Mapping
-from typing import Any, ClassVar
+from typing import ClassVar
 
 from pymavlink.dialects.v20 import all as mav
 
@@ -26,8 +26,8 @@ class Speaker:
         self.random = chance
         self.faults = faults
         self.time = now
-        self.out: list[Any] = []
-        self._later: list[tuple[float, Any]] = []
+        self.out: list[object] = []
+        self._later: list[tuple[float, object]] = []
         self._text_id = 0
         self._told: set[str] = set()
 
@@ -48,7 +48,7 @@ class Speaker:
             self._told.add(text)
             self.say(severity, text)
 
-    def later(self, delay: float, message: Any) -> None:
+    def later(self, delay: float, message: object) -> None:
         """Send a message after a delay."""
         self._later.append((self.time + delay, message))
 

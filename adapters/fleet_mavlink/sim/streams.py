@@ -20,7 +20,7 @@ def _heading_cdeg(pilot: Autopilot) -> int:
     return int(math.degrees(pilot.body.heading) * 100) % 36000
 
 
-def heartbeat(pilot: Autopilot) -> Any:
+def heartbeat(pilot: Autopilot) -> object:
     """HEARTBEAT: mode, armed, and how the system is."""
     base = pilot.mode.base | (mav.MAV_MODE_FLAG_SAFETY_ARMED if pilot.armed else 0)
     return mav.MAVLink_heartbeat_message(
@@ -28,7 +28,7 @@ def heartbeat(pilot: Autopilot) -> Any:
     )
 
 
-def sys_status(pilot: Autopilot) -> Any:
+def sys_status(pilot: Autopilot) -> object:
     """SYS_STATUS: sensor health with the PREARM_CHECK bit, battery."""
     present, enabled, health = pilot.sensors()
     battery = pilot.battery
@@ -44,7 +44,7 @@ def sys_status(pilot: Autopilot) -> Any:
     )
 
 
-def gps_raw_int(pilot: Autopilot) -> Any:
+def gps_raw_int(pilot: Autopilot) -> object:
     """GPS_RAW_INT: what the receiver measures, with noise."""
     lost, loss = pilot.without_gps, pilot.loss
     if lost is not None and lost >= loss.shown:
@@ -77,7 +77,7 @@ def gps_raw_int(pilot: Autopilot) -> Any:
     )
 
 
-def global_position_int(pilot: Autopilot) -> Any:
+def global_position_int(pilot: Autopilot) -> object:
     """GLOBAL_POSITION_INT: the estimate; ArduPilot says 0/0 before it has an origin."""
     if not pilot.origin_set:
         return mav.MAVLink_global_position_int_message(
@@ -98,7 +98,7 @@ def global_position_int(pilot: Autopilot) -> Any:
     )
 
 
-def local_position_ned(pilot: Autopilot) -> Any:
+def local_position_ned(pilot: Autopilot) -> object:
     """LOCAL_POSITION_NED: metres from the estimator's origin; nothing before there is one.
 
     ArduPilot falls silent when its estimator gives up, PX4 runs away.
@@ -118,7 +118,7 @@ def _signed(heading: float) -> float:
     return math.remainder(heading, math.tau)
 
 
-def attitude(pilot: Autopilot) -> Any:
+def attitude(pilot: Autopilot) -> object:
     """ATTITUDE: roll, pitch, yaw in radians."""
     body = pilot.body
     return mav.MAVLink_attitude_message(
@@ -126,7 +126,7 @@ def attitude(pilot: Autopilot) -> Any:
     )
 
 
-def attitude_quaternion(pilot: Autopilot) -> Any:
+def attitude_quaternion(pilot: Autopilot) -> object:
     """ATTITUDE_QUATERNION: the same, as w x y z."""
     body = pilot.body
     cr, sr = math.cos(body.roll / 2), math.sin(body.roll / 2)
@@ -144,7 +144,7 @@ def attitude_quaternion(pilot: Autopilot) -> Any:
     )
 
 
-def vfr_hud(pilot: Autopilot) -> Any:
+def vfr_hud(pilot: Autopilot) -> object:
     """VFR_HUD: speed, heading, altitude above sea level, climb."""
     body = pilot.body
     return mav.MAVLink_vfr_hud_message(
@@ -157,7 +157,7 @@ def vfr_hud(pilot: Autopilot) -> Any:
     )
 
 
-def battery_status(pilot: Autopilot) -> Any:
+def battery_status(pilot: Autopilot) -> object:
     """BATTERY_STATUS: volts of the pack in the first cell, percent left, and how long that lasts."""
     battery = pilot.battery
     volts = [int(battery.volts * 1000)] + [65535] * 9
@@ -176,12 +176,12 @@ def battery_status(pilot: Autopilot) -> Any:
     )
 
 
-def extended_sys_state(pilot: Autopilot) -> Any:
+def extended_sys_state(pilot: Autopilot) -> object:
     """EXTENDED_SYS_STATE: on the ground, taking off, in the air, landing."""
     return mav.MAVLink_extended_sys_state_message(pilot.vtol_state(), pilot.landed_state())
 
 
-def home_position(pilot: Autopilot) -> Any:
+def home_position(pilot: Autopilot) -> object:
     """HOME_POSITION: nothing before home is known."""
     if pilot.home is None:
         return None
@@ -202,7 +202,7 @@ def home_position(pilot: Autopilot) -> Any:
     )
 
 
-def mission_current(pilot: Autopilot) -> Any:
+def mission_current(pilot: Autopilot) -> object:
     """MISSION_CURRENT: where the mission stands."""
     missions = pilot.missions
     return mav.MAVLink_mission_current_message(
@@ -210,7 +210,7 @@ def mission_current(pilot: Autopilot) -> Any:
     )
 
 
-def ekf_status_report(pilot: Autopilot) -> Any:
+def ekf_status_report(pilot: Autopilot) -> object:
     """EKF_STATUS_REPORT (ArduPilot only): 0x33f with a position, 0xa7 without."""
     if pilot.autopilot_id != mav.MAV_AUTOPILOT_ARDUPILOTMEGA:
         return None
@@ -218,7 +218,7 @@ def ekf_status_report(pilot: Autopilot) -> Any:
     return mav.MAVLink_ekf_status_report_message(flags, 0.01, 0.01, 0.01, 0.01, 0.0)
 
 
-def estimator_status(pilot: Autopilot) -> Any:
+def estimator_status(pilot: Autopilot) -> object:
     """ESTIMATOR_STATUS (PX4 only)."""
     if pilot.autopilot_id != mav.MAV_AUTOPILOT_PX4:
         return None
@@ -226,13 +226,13 @@ def estimator_status(pilot: Autopilot) -> Any:
     return mav.MAVLink_estimator_status_message(pilot.boot_us, flags, 0.1, 0.1, 0.1, 0.1, 0.0, 0.0, 0.3, 0.3)
 
 
-def system_time(pilot: Autopilot) -> Any:
+def system_time(pilot: Autopilot) -> object:
     """SYSTEM_TIME: Unix time is 0 before satellites tell it."""
     unix = int(pilot.unix_time * 1e6) if pilot.gps_fix else 0
     return mav.MAVLink_system_time_message(unix, pilot.boot_ms)
 
 
-def autopilot_version(pilot: Autopilot) -> Any:
+def autopilot_version(pilot: Autopilot) -> object:
     """AUTOPILOT_VERSION: capabilities and version."""
     custom = list(b"92b0cd78")
     return mav.MAVLink_autopilot_version_message(
@@ -240,7 +240,7 @@ def autopilot_version(pilot: Autopilot) -> Any:
     )
 
 
-def gps_global_origin(pilot: Autopilot) -> Any:
+def gps_global_origin(pilot: Autopilot) -> object:
     """GPS_GLOBAL_ORIGIN: where LOCAL_POSITION_NED counts from; nothing before there is one."""
     if not pilot.origin_set:
         return None
@@ -256,13 +256,13 @@ def _thrust(pilot: Autopilot) -> float:
     return GRAVITY / (math.cos(body.roll) * math.cos(body.pitch))
 
 
-def raw_imu(pilot: Autopilot) -> Any:
+def raw_imu(pilot: Autopilot) -> object:
     """RAW_IMU as ArduPilot fills it (thousandths of g and of rad/s); PX4 is not asked for it."""
     accel, turn = round(-1000 * _thrust(pilot) / GRAVITY), round(1000 * pilot.body.turn_rate)
     return mav.MAVLink_raw_imu_message(pilot.boot_us, 0, 0, accel, 0, 0, turn, 224, 80, -528)
 
 
-def highres_imu(pilot: Autopilot) -> Any:
+def highres_imu(pilot: Autopilot) -> object:
     """HIGHRES_IMU (PX4 only)."""
     if pilot.autopilot_id != mav.MAV_AUTOPILOT_PX4:
         return None
@@ -272,7 +272,7 @@ def highres_imu(pilot: Autopilot) -> Any:
     )
 
 
-def esc_telemetry(pilot: Autopilot) -> Any:
+def esc_telemetry(pilot: Autopilot) -> object:
     """ESC_TELEMETRY_1_TO_4 (ArduPilot only): the motors stand, idle, or carry it."""
     if pilot.autopilot_id != mav.MAV_AUTOPILOT_ARDUPILOTMEGA:
         return None
@@ -283,7 +283,7 @@ def esc_telemetry(pilot: Autopilot) -> Any:
     )
 
 
-def position_target(pilot: Autopilot) -> Any:
+def position_target(pilot: Autopilot) -> object:
     """POSITION_TARGET_GLOBAL_INT: the place that the vehicle flies to, None while it flies to none."""
     target = pilot.target()
     if target is None:
@@ -355,7 +355,7 @@ class SimStreams:
         """Return the seconds between two of a message; 0: it is not sent by itself."""
         return self._every.get(message_id, 0.0)
 
-    def due(self, pilot: Autopilot, now: float) -> Iterable[Any]:
+    def due(self, pilot: Autopilot, now: float) -> Iterable[object]:
         """Yield the messages whose time has come."""
         for message_id, due in self._due.items():
             if due > now:

@@ -123,7 +123,7 @@ class SimVehicle:
         else:
             self.faults[name] = value
 
-    def handle(self, message: Any, now: float) -> list[Any]:
+    def handle(self, message: Any, now: float) -> list[object]:
         """Take one message of a station; return what is answered at once."""
         if self.time < self._dark_until:
             return []
@@ -133,9 +133,9 @@ class SimVehicle:
         answers = handler(self.pilot, message)
         return self._drain(answers or (), now)
 
-    def step(self, now: float) -> list[Any]:
+    def step(self, now: float) -> list[object]:
         """Move on to ``now``; return what the vehicle tells by itself."""
-        told: list[Any] = []
+        told: list[object] = []
         while self.time < now:
             self.time = min(now, self.time + _STEP)
             if self.time <= self._dark_until:
@@ -144,7 +144,7 @@ class SimVehicle:
             told.extend(self._drain((), self.time))
         return told
 
-    def _drain(self, answers: Iterable[Any], now: float) -> list[Any]:
+    def _drain(self, answers: Iterable[object], now: float) -> list[object]:
         """Return what was put out, and what a handler answered; reboot when that was asked."""
         told = [*self.pilot.out, *answers]
         self.pilot.out.clear()
@@ -193,7 +193,7 @@ _ONCE: Mapping[str, Callable[[SimVehicle, float], None]] = {
 }
 
 
-def _command(pilot: Any, message: Any) -> None:
+def _command(pilot: Any, message: object) -> None:
     pilot.command(ask_of(message))
 
 
@@ -207,12 +207,12 @@ def _data_stream(pilot: Autopilot, message: Any) -> None:
         pilot.streams.set(message_id, 1.0 / rate if rate else 0.0, pilot.time)
 
 
-def _timesync(pilot: Autopilot, message: Any) -> Iterable[Any]:
+def _timesync(pilot: Autopilot, message: Any) -> Iterable[object]:
     """Answer a request (tc1 = 0) with the time since boot in nanoseconds."""
     return [] if message.tc1 else [mav.MAVLink_timesync_message(pilot.boot_us * 1000, message.ts1)]
 
 
-def _ping(_pilot: Autopilot, message: Any) -> Iterable[Any]:
+def _ping(_pilot: Autopilot, message: Any) -> Iterable[object]:
     """Answer a ping that asks all, to who asked."""
     if message.target_system or message.target_component:
         return []
@@ -225,19 +225,19 @@ def _heartbeat(pilot: Autopilot, message: Any) -> None:
         pilot.gcs_heartbeat(message)
 
 
-def _set_current(pilot: Autopilot, message: Any) -> Iterable[Any]:
+def _set_current(pilot: Autopilot, message: Any) -> Iterable[object]:
     """MISSION_SET_CURRENT, answered by MISSION_CURRENT."""
     if not pilot.missions.set_current(message.seq):
         return []
     return [BUILDERS[mav.MAVLINK_MSG_ID_MISSION_CURRENT](pilot)]
 
 
-def _files(pilot: Autopilot, message: Any) -> Iterable[Any]:
+def _files(pilot: Autopilot, message: object) -> Iterable[object]:
     """Answer a file transfer: PX4 serves the list of its events."""
     return answer(message, FILES if isinstance(pilot, SimPx4) else {})
 
 
-def _list_logs(pilot: Autopilot, message: Any) -> Iterable[Any]:
+def _list_logs(pilot: Autopilot, message: object) -> Iterable[object]:
     """LOG_REQUEST_LIST: ArduPilot tells its logs on the ground only."""
     if pilot.armed and isinstance(pilot, ArduPilot):
         pilot.say_once(3, "Disarm for log download")
@@ -245,7 +245,7 @@ def _list_logs(pilot: Autopilot, message: Any) -> Iterable[Any]:
     return pilot.equipment.logs.asked_list(message)
 
 
-_HANDLERS: Mapping[str, Callable[[Any, Any], Iterable[Any] | None]] = {
+_HANDLERS: Mapping[str, Callable[[Any, object], Iterable[object] | None]] = {
     "COMMAND_INT": _command,
     "COMMAND_LONG": _command,
     "FILE_TRANSFER_PROTOCOL": _files,

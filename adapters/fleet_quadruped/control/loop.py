@@ -4,17 +4,17 @@ from __future__ import annotations
 
 import contextlib
 import ctypes
-import gc
 import logging
 import os
 import select
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from typing import Protocol
 
 import msgspec
 
 from fleet.clock import Clock
 from fleet.link.canbus.frame import CanBus, CanFrame
+from fleet.runtime.interpreter import interpreter_settings
 from fleet_quadruped.can.capture import Capture
 from fleet_quadruped.control.orders import DogState, Order, Timing
 from fleet_quadruped.safety.stages import MEANT
@@ -86,19 +86,6 @@ def realtime() -> bool:
     return True
 
 
-@contextlib.contextmanager
-def no_collector() -> Iterator[None]:
-    """Keep Python's collector away while the block runs."""
-    gc.collect()
-    gc.freeze()
-    gc.disable()
-    try:
-        yield
-    finally:
-        gc.enable()
-        gc.unfreeze()
-
-
 class Loop:
     """Runs a controller on open buses until it is told to leave and the dog is off.
 
@@ -135,7 +122,7 @@ class Loop:
     def run(self) -> None:
         """Run; raises LinkLost when a bus dies."""
         self._priority = realtime()
-        with no_collector():
+        with interpreter_settings(collect=False):
             try:
                 self._cycle_on()
             except (

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import difflib
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import TypeVar
 
 import yaml
 from pydantic import ValidationError
@@ -20,7 +20,7 @@ SectionT = TypeVar("SectionT", bound=Section)
 class _Strict(yaml.SafeLoader):
     """Refuses a key that is there twice: the second would take the place of the first without a word."""
 
-    def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Any, Any]:  # noqa: FBT001, FBT002 - as it is called
+    def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[object, object]:  # noqa: FBT001, FBT002 - as it is called
         """Return a mapping."""
         seen: set[str] = set()
         for key in (key for key, _ in node.value if isinstance(key, yaml.ScalarNode)):
@@ -30,7 +30,7 @@ class _Strict(yaml.SafeLoader):
         return super().construct_mapping(node, deep)
 
 
-def read_tree(path: Path) -> Any:
+def read_tree(path: Path) -> object:
     """Return what is in a YAML file; raises ConfigError."""
     try:
         return yaml.load(path.read_text(encoding="utf-8"), _Strict)  # noqa: S506 - a safe loader
@@ -42,7 +42,7 @@ def read_tree(path: Path) -> Any:
         raise ConfigError(f"{where}: {getattr(error, 'problem', None) or 'is not UTF-8 text'}") from None
 
 
-def checked(path: Path, tree: Any, kind: type[SectionT]) -> SectionT:
+def checked(path: Path, tree: object, kind: type[SectionT]) -> SectionT:
     """Return a tree as a section; raises ConfigError with every problem and its place."""
     try:
         return kind.model_validate(tree)

@@ -7,8 +7,8 @@ written (SDO). CiA 301.
 from __future__ import annotations
 
 import struct
-from collections.abc import Iterator, Mapping
-from typing import Annotated, Literal
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Annotated, Literal, NamedTuple
 
 from pydantic import AfterValidator, Field
 
@@ -88,40 +88,59 @@ class Objects(Section):
 
 def wire_of(objects: Objects, silence: float) -> Wire:
     """Return what goes over the wire; raises ValueError when there are too many PDOs."""
-    node = objects.node
-    fixed: dict[str, Setting | None] = {name: getattr(objects, name) for name in COMMANDS}
-    velocity = list(_groups(objects.velocity))
-    told = [(group, _AT_SYNC) for group in _groups(objects.state)]
-    told += [(group, SLOW_EVERY) for group in _groups(objects.slow)]
+    node, height = objects.node, objects.height
+    velocity = _pdos(objects.velocity, RPDO + node, _AT_ONCE)
+    state = _pdos(objects.state, TPDO + node, _AT_SYNC)
+    slow = _pdos(objects.slow, TPDO + node, SLOW_EVERY, first=len(state))
+    told = state + slow
     if len(told) > _MOST_PDOS:
         raise ValueError(f"objects: state and slow do not fit into {_MOST_PDOS} PDOs of eight bytes")
     setup = [Object(0x1016, 1, 4, MASTER << 16 | round(silence * 1000), "time until our silence stops it")]
     setup += [one.object("setup") for one in objects.setup]
-    for number, group in enumerate(velocity):
-        entries = tuple(entry.mapping for entry in group.values())
-        cob = RPDO + 0x100 * number + node
-        setup += pdo_objects(0x1400 + number, 0x1600 + number, cob, _AT_ONCE, entries)
-    for number, (group, kind) in enumerate(told):
-        entries = tuple(entry.mapping for entry in group.values())
-        cob = TPDO + 0x100 * number + node
-        setup += pdo_objects(0x1800 + number, 0x1A00 + number, cob, kind, entries)
-    maps = [_frame(TPDO + 0x100 * number + node, group) for number, (group, _) in enumerate(told)]
-    fast = sum(kind == _AT_SYNC for _, kind in told)
-    height = objects.height
+    setup += _mapped(velocity, 0x1400, 0x1600) + _mapped(told, 0x1800, 0x1A00)
     return Wire(
-        velocity=tuple(_frame(RPDO + 0x100 * number + node, group) for number, group in enumerate(velocity)),
-        commands={
-            name: _written(node, one.object(name), one.value.to_bytes(_SIZES[one.type], "little"))
-            for name, one in fixed.items()
-            if one
-        },
+        velocity=tuple(_frame(pdo.cob, pdo.entries) for pdo in velocity),
+        commands=_commands(objects),
         height=(lambda metres: _raised(node, height, metres)) if height else None,
-        state=tuple(maps[:fast]),
-        slow=tuple(maps[fast:]),
+        state=tuple(_frame(pdo.cob, pdo.entries) for pdo in state),
+        slow=tuple(_frame(pdo.cob, pdo.entries) for pdo in slow),
         alive=(CanFrame(HEARTBEAT + MASTER, bytes([OPERATIONAL])), CanFrame(SYNC, b"")),
         node=node,
         setup=tuple(setup),
     )
+
+
+class _Pdo(NamedTuple):
+    """One PDO: its COB-ID, its transmission type, and the entries that are mapped to it."""
+
+    cob: int
+    kind: int
+    entries: dict[str, Entry]
+
+
+def _pdos(entries: Mapping[str, Entry], cob: int, kind: int, first: int = 0) -> list[_Pdo]:
+    """Return the PDOs that carry the entries; ``first`` is how many of the same direction are taken."""
+    groups = enumerate(_groups(entries), first)
+    return [_Pdo(cob + 0x100 * number, kind, group) for number, group in groups]
+
+
+def _mapped(pdos: Sequence[_Pdo], parameters: int, mapping: int) -> list[Object]:
+    """Return what is written to set PDOs up; the two are the objects of the first PDO."""
+    setup: list[Object] = []
+    for number, pdo in enumerate(pdos):
+        entries = tuple(entry.mapping for entry in pdo.entries.values())
+        setup += pdo_objects(parameters + number, mapping + number, pdo.cob, pdo.kind, entries)
+    return setup
+
+
+def _commands(objects: Objects) -> dict[str, CanFrame]:
+    """Return the frame of each command that the machine has."""
+    given: dict[str, Setting | None] = {name: getattr(objects, name) for name in COMMANDS}
+    return {
+        name: _written(objects.node, one.object(name), one.value.to_bytes(_SIZES[one.type], "little"))
+        for name, one in given.items()
+        if one
+    }
 
 
 def _groups(entries: Mapping[str, Entry]) -> Iterator[dict[str, Entry]]:

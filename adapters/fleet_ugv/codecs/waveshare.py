@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import msgspec
 
@@ -69,7 +69,7 @@ class WaveshareCodec(LineCodec):
             self.garbage += 1
         return None
 
-    def _feedback(self, said: Mapping[str, Any]) -> Feedback | None:
+    def _feedback(self, said: Mapping[str, object]) -> Feedback | None:
         """Return a feedback; without both wheel speeds the line was spoiled."""
         left, right = _number(said, "L", _SPEEDS), _number(said, "R", _SPEEDS)
         if left is None or right is None:
@@ -86,7 +86,7 @@ class WaveshareCodec(LineCodec):
             temperature=_number(said, "temp", (-60.0, 150.0)),
         )
 
-    def _ros(self, said: Mapping[str, Any], speeds: tuple[float, float]) -> Feedback:
+    def _ros(self, said: Mapping[str, object], speeds: tuple[float, float]) -> Feedback:
         """Return the feedback of ugv_base_ros: centimetres, centivolts, raw steps, degrees."""
         odl, odr = _number(said, "odl", _METRES), _number(said, "odr", _METRES)
         centivolts = _number(said, "v", (_VOLTS[0] * 100, _VOLTS[1] * 100))
@@ -150,7 +150,7 @@ def _plain(text: str) -> str:
     return "".join(letter if " " <= letter <= "~" else "?" for letter in text)[:SHOWN]
 
 
-def _number(said: Mapping[str, Any], name: str, limits: _Limits) -> float | None:
+def _number(said: Mapping[str, object], name: str, limits: _Limits) -> float | None:
     """Return a number within limits, None for anything else."""
     value = said.get(name)
     if isinstance(value, bool) or not isinstance(value, int | float):
@@ -158,13 +158,13 @@ def _number(said: Mapping[str, Any], name: str, limits: _Limits) -> float | None
     return float(value) if limits[0] <= value <= limits[1] else None
 
 
-def _radians(said: Mapping[str, Any], name: str) -> float | None:
+def _radians(said: Mapping[str, object], name: str) -> float | None:
     """Return an angle that is told in degrees."""
     degrees = _number(said, name, _DEGREES)
     return None if degrees is None else math.radians(degrees)
 
 
-def _vector(said: Mapping[str, Any], kind: str, step: float) -> Vector3 | None:
+def _vector(said: Mapping[str, object], kind: str, step: float) -> Vector3 | None:
     """Return three raw steps as a vector."""
     x, y, z = (_number(said, kind + axis, _RAW) for axis in "xyz")
     return None if x is None or y is None or z is None else Vector3(x * step, y * step, z * step)

@@ -140,16 +140,16 @@ class WaveshareBoard(SimBoard):
         measured = self._general_fields() if self._general else self._ros_fields()
         return msgspec.json.encode({"T": 1001, "L": left, "R": right} | measured) + b"\n"
 
-    def _general_fields(self) -> dict[str, Any]:
+    def _general_fields(self) -> dict[str, object]:
         """Return what ugv_base_general measures: degrees and volts."""
         yaw = round(math.degrees(self.physics.yaw), 2)
         return {"r": 0.1, "p": -0.2, "y": yaw, "temp": 31.0, "v": self.voltage}
 
-    def _ros_fields(self) -> dict[str, Any]:
+    def _ros_fields(self) -> dict[str, object]:
         """Return what ugv_base_ros measures, in its own units: centimetres, centivolts, raw steps."""
         physics = self.physics
         gravity = 8192 / 9.80665
-        said: dict[str, Any] = {
+        said: dict[str, object] = {
             "ax": round((physics.acceleration + physics.shake(0.05)) * gravity),
             "ay": round((physics.speed * physics.yaw_rate + physics.shake(0.05)) * gravity),
             "az": round((9.80665 + physics.shake(0.05)) * gravity),

@@ -17,7 +17,6 @@ from collections import deque
 from collections.abc import Callable, Iterable, Mapping
 from datetime import UTC, datetime
 from functools import partial
-from typing import Any
 
 import msgspec
 
@@ -155,7 +154,7 @@ class NoticeTarget:
 
 def notice(edge: str, robot: str, event: EventReport, left_out: int = 0) -> bytes:
     """Return an event as the JSON object that a target gets; ``left_out``: notices that it did not get."""
-    plain: dict[str, Any] = msgspec.to_builtins(event)
+    plain: dict[str, object] = msgspec.to_builtins(event)
     time = datetime.fromtimestamp(event.stamp, UTC).isoformat(timespec="milliseconds")
     said = f"{robot or edge}: {event.text}"
     body = {"edge": edge, "robot": robot, "time": time, **plain, "message": said}

@@ -5,13 +5,12 @@ from __future__ import annotations
 import threading
 import urllib.error
 import urllib.request
-from typing import Any
 
 
 class _Stay(urllib.request.HTTPRedirectHandler):
     """Follows no redirect: a notice goes where fleet.yaml says, and nowhere else."""
 
-    def redirect_request(self, *_: Any) -> None:
+    def redirect_request(self, *_: object) -> None:
         """Refuse."""
 
 

@@ -4,10 +4,8 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
-import gc
 import logging
 import os
-import sys
 from collections.abc import Callable, Iterable, Mapping
 from functools import partial
 from typing import Any, cast, get_args
@@ -38,6 +36,7 @@ from fleet.host.runtime.watchdog import LoopWatch, Watchdog
 from fleet.model.command import Reply, ReplyStatus, Transport
 from fleet.robot_config import MAIN
 from fleet.runtime.decoding import decode_json
+from fleet.runtime.interpreter import freeze_new_objects, interpreter_settings
 from fleet.supervisor.client import SupervisorClient
 from fleet.supervisor.protocol import StopRequest
 from fleet.wire.rules import Kind
@@ -45,6 +44,7 @@ from fleet.wire.stops import stop_in
 
 log = logging.getLogger(__name__)
 
+SWITCH_INTERVAL = 0.0001  # s for which a thread keeps the interpreter while another wants it
 SETTLED = 5.0  # s after which most of what lives long is there
 YOUNG = 20_000  # objects made and not yet done with, after which the garbage collector looks at them
 STATE_EVERY = 1.0  # s between states of a robot that does not change
@@ -100,6 +100,7 @@ class RobotProcess:
         self._tasks: dict[str, asyncio.Task[None]] = {}
         self._states = bus.control.publishers(keys.state(edge, "*"))
         self._settling: asyncio.TimerHandle | None = None
+        self._interpreter = contextlib.ExitStack()  # its settings, while the robots run
         self.watchdog = Watchdog(
             clock,
             LoopWatch(
@@ -153,17 +154,13 @@ class RobotProcess:
 
     def start(self) -> None:
         """Start every robot; those that fail are tried again by their own runners."""
-        # A thread that wants to stop a robot must not wait long for the interpreter.
-        sys.setswitchinterval(0.0001)
-        # The garbage collector stops every thread while it looks at all there is: a quarter of a second with
-        # a thousand robots, in which no dead-man runs. What lives as long as the process is kept out of its
-        # sight: what is there now, and once more what the robots have made since.
-        gc.collect()
-        gc.freeze()
-        # One in the middle of a command costs it a third of a millisecond. What is done with is freed without
-        # it, all but what refers to itself, so it need not look often.
-        gc.set_threshold(YOUNG, *gc.get_threshold()[1:])
-        self._settling = self.loop.call_later(SETTLED, gc.freeze)
+        # A thread that wants to stop a robot must not wait long for the interpreter. The garbage collector
+        # stops every thread while it looks at all there is: a quarter of a second with a thousand robots, in
+        # which no dead-man runs. What lives as long as the process is kept out of its sight: what is there
+        # now, and once more what the robots have made since. A run of it in the middle of a command costs
+        # that a third of a millisecond; nearly all is freed without it, so it need not look often.
+        self._interpreter.enter_context(interpreter_settings(switch_interval=SWITCH_INTERVAL, young=YOUNG))
+        self._settling = self.loop.call_later(SETTLED, freeze_new_objects)
         for robot in self.robots.values():
             self._declare(robot)
             robot.be_watched(self.watchdog)
@@ -254,7 +251,7 @@ class RobotProcess:
         self.scheduler.stop()
         if self._settling is not None:
             self._settling.cancel()
-        gc.unfreeze()
+        self._interpreter.close()
         if any(robot.runner.leftover for robot in self.robots.values()):
             log.error("an adapter's run does not end: the watchdog ends this process if it never does")
         else:

@@ -8,7 +8,6 @@ from __future__ import annotations
 import logging
 from collections.abc import Callable, Mapping
 from types import MappingProxyType
-from typing import Any
 
 from fleet.clock import Clock
 from fleet.model.command import Command, JointSetpoint, Origin, Setpoint, Transport
@@ -100,7 +99,7 @@ class EventReporter:
         severity: Severity = Severity.WARNING,
         ask: Ask | None = None,
         telemetry: str = "",
-        data: Mapping[str, Any] = MappingProxyType({}),
+        data: Mapping[str, object] = MappingProxyType({}),
         logs: bool = True,
     ) -> None:
         """Tell an event; ``ask`` led to it, left out where that is what the robot moves for.

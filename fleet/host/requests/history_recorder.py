@@ -13,7 +13,7 @@ import logging
 from collections import OrderedDict
 from collections.abc import Callable
 from functools import partial, wraps
-from typing import Any, ParamSpec
+from typing import ParamSpec
 
 import msgspec
 
@@ -172,7 +172,7 @@ class HistoryRecorder:
         *,
         severity: Severity = Severity.INFO,
         asker: Requester | None = None,
-        data: dict[str, Any] | None = None,
+        data: dict[str, object] | None = None,
     ) -> None:
         """Write one event about an ask."""
         now, who = self._clock.time(), asker or requester_of(ask.origin)
@@ -209,7 +209,7 @@ def _name(ask: Ask) -> str:
     return ask.name
 
 
-def _data(ask: Ask) -> dict[str, Any]:
+def _data(ask: Ask) -> dict[str, object]:
     """Return what was asked, in plain JSON values."""
     if isinstance(ask, JointSetpoint):
         return {"positions": dict(ask.positions), **({"relative": True} if ask.relative else {})}

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Callable
-from typing import Any
 
 from fleet.errors import CommandError, LinkError, TimedOut, Unsupported
 from fleet.model.command import Answer, Reply, ReplyStatus
@@ -58,14 +57,14 @@ class Receipt:
         """Give the answers that the first of its repeats got, and those that it is still to get."""
         first.watch(lambda reply: self._receive(reply) if reply.done is None else self._end(reply))
 
-    def done(self, data: Any = None) -> None:
+    def done(self, data: object = None) -> None:
         """Say that the robot was seen to have done it; ``data`` is what was asked for.
 
         Where nothing was answered yet this is the one answer: receipt and end.
         """
         self._end(Reply(self.command, ReplyStatus.ACCEPTED, done=True, data=data))
 
-    def do(self, work: Callable[[], Any]) -> None:
+    def do(self, work: Callable[[], object]) -> None:
         """Do it, and say that it was done, with what came of it."""
         self.done(work())
 

@@ -322,7 +322,7 @@ def _cause(error: BaseException) -> BaseException:
     return next((leaf for leaf in leaves if not isinstance(leaf, LinkError)), leaves[0])
 
 
-async def _uninterrupted(work: Coroutine[Any, Any, None]) -> None:
+async def _uninterrupted(work: Coroutine[object, object, None]) -> None:
     """Await to the end what is bounded in time, though we be cancelled meanwhile; then pass that on."""
     task = asyncio.ensure_future(work)
     cancelled: asyncio.CancelledError | None = None

@@ -6,7 +6,6 @@ import math
 import types
 import typing
 from collections.abc import Callable, Iterable, Mapping
-from typing import Any
 
 import msgspec
 
@@ -19,7 +18,7 @@ from fleet.wire.stops import STOP_WORDS
 
 Refusal = Callable[[str, CommandSpec | None], str]
 """Why a command would be refused now; None for the spec of one that the host answers itself."""
-_WORDS: Mapping[Any, str] = {float: "number", int: "whole number", str: "text", bool: "true or false"}
+_WORDS: Mapping[object, str] = {float: "number", int: "whole number", str: "text", bool: "true or false"}
 _HOST = {
     "release_emergency_stop": "Let the robot move again after an emergency stop.",
     "restart_adapter": "End its adapter's run and begin anew; ends a quarantine.",
@@ -82,10 +81,10 @@ def _parameter(spec: CommandSpec, field: msgspec.structs.FieldInfo) -> Parameter
     )
 
 
-def words(kind: Any) -> str:
+def words(kind: object) -> str:
     """Return a type in words for people."""
     while typing.get_origin(kind) is typing.Annotated:
-        kind = kind.__origin__
+        kind = typing.get_args(kind)[0]
     origin, parts = typing.get_origin(kind), typing.get_args(kind)
     if origin in (typing.Union, types.UnionType):
         return " or ".join(words(part) for part in parts if part is not type(None))

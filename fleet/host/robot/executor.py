@@ -105,7 +105,7 @@ class Executor:
             receipt.reject(why)
             cancel_and_wait(mover, why, self._crashed)
 
-    def stop(self, work: Coroutine[Any, Any, None], name: str) -> None:
+    def stop(self, work: Coroutine[object, object, None], name: str) -> None:
         """Carry out a stop; what is asked from now on waits for its end."""
         stop = self.spawn(work, name=name)
         self._stops.add(stop)
@@ -121,7 +121,7 @@ class Executor:
         while self._stops:
             await asyncio.wait(set(self._stops))
 
-    def spawn(self, work: Coroutine[Any, Any, None], *, name: str) -> asyncio.Task[None]:
+    def spawn(self, work: Coroutine[object, object, None], *, name: str) -> asyncio.Task[None]:
         """Run something of this robot's, kept alive until it ends."""
         task = make_task(asyncio.get_running_loop(), work, name=f"command:{name}")
         self._tasks.add(task)
@@ -169,7 +169,7 @@ class Executor:
         self._crashed(error)
 
 
-async def _stepped(call: AsyncIterator[Any], receipt: Receipt) -> None:
+async def _stepped(call: AsyncIterator[object], receipt: Receipt) -> None:
     """Take the steps of a command; the first is the receipt."""
     async with closing(call) as steps:
         async for _ in steps:

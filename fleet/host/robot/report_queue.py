@@ -23,14 +23,14 @@ log = logging.getLogger(__name__)
 
 EVENTS = (NavigationReport, TelemetryReport, LogReport, EventReport)
 ALL = "cw/*/data/**"
-STEP = 8  # states in one step of a flush: together they cost less than by themselves
+STEP = 8  # states in one step of a flush
 WAITING = 200  # events of one robot in one turn; a robot that reports more loses its newest, counted
 
 
 class BridgePort(Protocol):
     """The bridge of this process, as reports see it."""
 
-    def open(self, key: str) -> Any:
+    def open(self, key: str) -> object:
         """Return where the reports of a key cross; None where none do."""
 
     def cross(self, batch: Sequence[tuple[Any, Report]]) -> None:
@@ -47,7 +47,7 @@ class _Channel:
 
     newest: Report
 
-    def __init__(self, key: str, way: Any) -> None:
+    def __init__(self, key: str, way: object) -> None:
         self.key = key
         self.way = way
         self.sequence = 0
@@ -73,17 +73,14 @@ class _Robot:
         self.events: deque[Report] = deque()
         self._twin = twin
         self._outbox = outbox
-        self._states: dict[type[Report], _Channel] = {}  # of the kinds of which a robot has one
         self._channels: dict[tuple[type[Report], str], _Channel] = {}
 
     def put(self, report: Report) -> None:
         """Take a report; it leaves with the next ``flush``."""
-        channel = self._states.get(type(report))
-        if channel is None:
-            if isinstance(report, EVENTS):
-                self._put_event(report)
-                return
-            channel = self._channel_of_state(report)
+        if isinstance(report, EVENTS):
+            self._put_event(report)
+            return
+        channel = self.channel(report)
         channel.newest = report
         if not channel.waits:
             channel.waits = True
@@ -95,13 +92,6 @@ class _Robot:
         channel = self._channels.get(place)
         if channel is None:
             channel = self._channels[place] = self._outbox.open(self._twin, report.channel, place[1])
-        return channel
-
-    def _channel_of_state(self, report: Report) -> _Channel:
-        """Return the channel of the first state of its kind, or of one of several sensors of a kind."""
-        channel = self.channel(report)
-        if not hasattr(report, "sensor"):
-            self._states[type(report)] = channel
         return channel
 
     def _put_event(self, report: Report) -> None:

@@ -12,7 +12,7 @@ ResultT = TypeVar("ResultT")
 DEAF_AFTER = 2.0  # s after which a task that was cancelled and goes on is a failure of the adapter
 
 
-async def wait_bounded(work: Coroutine[Any, Any, ResultT], seconds: float) -> ResultT:
+async def wait_bounded(work: Coroutine[object, object, ResultT], seconds: float) -> ResultT:
     """Return what ``work`` returns. What ignores its cancellation is left behind, not waited for.
 
     Raises TimeoutError after ``seconds``, RuntimeError when ``work`` was cancelled from within.
@@ -52,7 +52,7 @@ def cancel_and_wait(task: asyncio.Task[None], why: str, deaf: Callable[[Exceptio
     task.add_done_callback(lambda _: timer.cancel())
 
 
-def closing(steps: AsyncIterator[Any]) -> AbstractAsyncContextManager[AsyncIterator[Any]]:
+def closing(steps: AsyncIterator[object]) -> AbstractAsyncContextManager[AsyncIterator[Any]]:
     """Close an iteration when it is left early: its clean-up happens now, not some time later."""
     return aclosing(steps) if isinstance(steps, AsyncGenerator) else nullcontext(steps)
 

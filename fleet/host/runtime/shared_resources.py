@@ -20,7 +20,7 @@ SharedT = TypeVar("SharedT")
 class _Held:
     """One open resource: entered and left by a task of its own, because its users come and go."""
 
-    def __init__(self, key: str, make: Callable[[], AbstractAsyncContextManager[Any]]) -> None:
+    def __init__(self, key: str, make: Callable[[], AbstractAsyncContextManager[object]]) -> None:
         self.users = 0
         self.ready: asyncio.Future[Any] = asyncio.get_running_loop().create_future()
         self.released = asyncio.Event()
@@ -30,7 +30,7 @@ class _Held:
         loop = asyncio.get_running_loop()
         self.task = loop.create_task(self._hold(make), name=f"shared:{key}", context=context)
 
-    async def _hold(self, make: Callable[[], AbstractAsyncContextManager[Any]]) -> None:
+    async def _hold(self, make: Callable[[], AbstractAsyncContextManager[object]]) -> None:
         """Serve the resource to its users; whoever waits for it hears why it cannot be had."""
         try:
             await guarded(lambda: self._serve(make))
@@ -40,7 +40,7 @@ class _Held:
             else:
                 self.ready.set_exception(error)
 
-    async def _serve(self, make: Callable[[], AbstractAsyncContextManager[Any]]) -> None:
+    async def _serve(self, make: Callable[[], AbstractAsyncContextManager[object]]) -> None:
         """Enter, hand the value to whoever waits, and leave when the last user has gone."""
         async with make() as value:
             self.ready.set_result(value)
@@ -74,7 +74,7 @@ class SharedResources:
             if held.users == 0:
                 await held.release()
 
-    async def _open(self, key: str, make: Callable[[], AbstractAsyncContextManager[Any]]) -> _Held:
+    async def _open(self, key: str, make: Callable[[], AbstractAsyncContextManager[object]]) -> _Held:
         """Return what is open under ``key``; what is being closed is waited for, then opened anew."""
         while (held := self._held.get(key)) is not None and held.released.is_set():
             await asyncio.wait({held.task})

@@ -127,7 +127,7 @@ class TickScheduler:
         """
         self._schedule(self._loop.call_soon, self._go_on, next_turn)
 
-    def _schedule(self, how: Callable[..., asyncio.Handle], *arguments: Any) -> None:
+    def _schedule(self, how: Callable[..., asyncio.Handle], *arguments: object) -> None:
         """Go on later, unless one of the calls stopped the wheel."""
         self.owner = ""
         if not self._stopped:

@@ -12,7 +12,7 @@ import resource
 import struct
 import sys
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import BinaryIO
 
 import msgspec
 from pydantic.errors import PydanticInvalidForJsonSchema
@@ -59,7 +59,7 @@ def described(name: str, adapter: AdapterClass, *, schema: bool = True) -> Adapt
     return AdapterDescription(name, cls, can.drives, can.navigates, limits, commands, made)
 
 
-def _schema(config: type[AdapterConfig]) -> dict[str, Any] | None:
+def _schema(config: type[AdapterConfig]) -> dict[str, object] | None:
     """Return the JSON Schema of a Config, None for one that cannot be said in it."""
     try:
         return config.model_json_schema()

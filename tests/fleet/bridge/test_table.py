@@ -123,9 +123,6 @@ class World:
         self.bridge.client.publish = self._publish
         self.bridge.client.way = lambda topic, **how: partial(self._publish, topic, **how)
         self.bridge.client.queue = lambda way, payload: way(payload)
-        self.bridge.client.queue_all = lambda ways, payloads: [
-            way(payloads[at]) for at, way in enumerate(ways)
-        ]
 
     def _publish(self, topic, payload, **properties):
         json.loads(payload)

@@ -82,11 +82,6 @@ class Bench:
     def queue(self, way, payload):
         way(payload)
 
-    def queue_all(self, ways, payloads):
-        assert ways, "nothing was queued"
-        for way, payload in zip(ways, payloads, strict=True):
-            way(payload)
-
     def _publish(self, topic, qos, payload):
         self.sent.append((self.now, topic.partition(f"{TWIN}/")[2], json.loads(payload), qos))
 

@@ -8,8 +8,8 @@ import pytest
 from fleet.clock import SystemClock
 from fleet.cloud.client import CloudClient
 from fleet.cloud.values import CloudSettings, CloudState
-from fleet.testing.proxy import TcpProxy
 from fleet.testing.waiting import wait_until
+from tests.tools.proxy import TcpProxy
 
 WITHIN = 30.0  # s
 

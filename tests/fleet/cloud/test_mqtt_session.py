@@ -6,12 +6,12 @@ from hypothesis import settings
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, invariant, rule
 
-from fleet.cloud.inbound import InboundPublish
 from fleet.cloud.inflight_window import WINDOW
 from fleet.cloud.mqtt_session import INBOUND, MqttSession, SessionEnded, SessionRefused
 from fleet.cloud.outbound_queue import OutboundQueue
 from fleet.cloud.packets import PacketDecoder
-from fleet.cloud.values import CloudMessage, CloudSettings, CloudStats, Will
+from fleet.cloud.publish import publish_route
+from fleet.cloud.values import CloudSettings, CloudStats, Will
 from fleet.spool.message import Outcome, Outgoing
 from fleet.spool.queue import NEWEST_FIRST
 from fleet.spool.spool import Spool, SpoolSettings
@@ -53,7 +53,7 @@ class Talk:
             self.box.spool.put(one)
 
     def light(self, topic, payload=b"x", expiry=None):
-        self.box.put_light([self.box.address(topic, expiry, 5)], [payload])
+        self.box.put_light(publish_route(topic, expiry), payload)
 
     def outcomes(self):
         """How many were acknowledged, held and refused."""
@@ -283,7 +283,7 @@ def test_a_broker_that_breaks_the_protocol_is_left(packet):
     assert caught.value.code == mqtt5.DisconnectReasonCode.PROTOCOL_ERROR
 
 
-@pytest.mark.parametrize("packet", [mqtt5.PingRespPacket(), InboundPublish(CloudMessage("t", b"x"), 0)])
+@pytest.mark.parametrize("packet", [mqtt5.PingRespPacket(), mqtt5.PublishPacket("t", b"x")])
 def test_nothing_but_an_answer_to_connect_may_come_first(packet):
     session = MqttSession(SETTINGS, {}, a_box(), CloudStats())
     with pytest.raises(SessionEnded):
@@ -293,7 +293,7 @@ def test_nothing_but_an_answer_to_connect_may_come_first(packet):
 
 def test_a_message_of_the_usual_form_is_handed_out_and_acknowledged_by_its_qos():
     talk = Talk()
-    talk.hear(InboundPublish(CloudMessage("t", b"x"), 0), InboundPublish(CloudMessage("t", b"y", 1), 7))
+    talk.hear(mqtt5.PublishPacket("t", b"x"), mqtt5.PublishPacket("t", b"y", qos=mqtt5.QoS(1), packet_id=7))
     assert [one.payload for one in talk.session.take_messages()] == [b"x", b"y"]
     assert [packet.packet_id for packet in talk.replies()] == [7]
 

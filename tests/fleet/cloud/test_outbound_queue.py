@@ -9,7 +9,7 @@ from fleet.spool.spool import Spool, SpoolSettings
 from fleet.testing.clock import ManualClock
 
 PAYLOAD = b"x" * 10
-PACKET = len(publish_light(publish_route("a", None, 5), PAYLOAD))
+SIZE = len("a") + len(PAYLOAD)
 
 
 @pytest.fixture
@@ -34,7 +34,7 @@ def box(stats, clock):
 
 
 def put(box, name, expiry=None):
-    return box.put_light([box.address(name, expiry, 5)], [PAYLOAD])
+    return box.put_light(publish_route(name, expiry), PAYLOAD)
 
 
 def durable(name):
@@ -43,11 +43,11 @@ def durable(name):
 
 def take(box, *, now=None, size=1_000_000):
     taken = box.take_light(now or ManualClock().monotonic(), size)
-    return [where.topic for light_batch in taken for where in light_batch.where]
+    return [message.where.topic for message in taken]
 
 
-def read(taken):
-    told = [mqtt5.read(packet)[0] for light_batch in taken for packet in light_batch.packets]
+def read(taken, now):
+    told = [mqtt5.read(memoryview(publish_light(message, now, 5)))[0] for message in taken]
     return [(each.topic, each.message_expiry_interval) for each in told]
 
 
@@ -55,8 +55,9 @@ def test_messages_leave_in_order_with_their_time(box, clock):
     put(box, "a")
     put(box, "b", 10.0)
     put(box, "c", 10.0)
-    assert read(box.take_light(clock.monotonic() + 0.9, PACKET + 5)) == [("a", None), ("b", 10)]
-    assert read(box.take_light(clock.monotonic() + 1.1, 1_000_000)) == [("c", 9)]
+    soon, later = clock.monotonic() + 0.9, clock.monotonic() + 1.1
+    assert read(box.take_light(soon, SIZE + 1), soon) == [("a", None), ("b", 10)]
+    assert read(box.take_light(later, 1_000_000), later) == [("c", 9)]
     assert take(box) == []
 
 
@@ -69,9 +70,9 @@ def test_a_full_lane_refuses_qos_0_and_counts_it(box, stats):
 
 
 def test_bytes_bound_qos_0_too(stats, clock):
-    box = online(stats, clock, messages=100, size=2 * (OVERHEAD + PACKET))
+    box = online(stats, clock, messages=100, size=2 * (OVERHEAD + SIZE))
     assert [put(box, name) for name in "abc"] == [True, True, False]
-    assert stats.queued_bytes == 2 * (OVERHEAD + PACKET)
+    assert stats.queued_bytes == 2 * (OVERHEAD + SIZE)
     take(box)
     assert stats.queued_bytes == 0
     assert put(box, "c")
@@ -106,8 +107,8 @@ def test_what_was_not_acknowledged_goes_first_again_in_its_order(box):
 def test_one_batch_is_bounded_in_bytes(box):
     for name in "abc":
         put(box, name)
-    assert take(box, size=PACKET + 1) == ["a", "b"]
-    assert take(box, size=PACKET + 1) == ["c"]
+    assert take(box, size=SIZE + 1) == ["a", "b"]
+    assert take(box, size=SIZE + 1) == ["c"]
 
 
 def test_a_closed_box_takes_nothing_and_keeps_nothing(box, stats):

@@ -16,8 +16,8 @@ from fleet.host.safety.emergency_stop import RELEASE
 from fleet.model.command import Command, Origin, Setpoint, Transport
 from fleet.model.geometry import Vector3, Velocity
 from fleet.testing.clock import ManualClock
-from fleet.testing.promises import Event, Rules, What, broken
 from fleet.testing.robot import RecordingRobot
+from tests.tools.promises import Event, Rules, What, broken
 
 RULES = Rules(max_age=5.0)
 VELOCITIES = Rules(max_age=0.5)

@@ -13,9 +13,10 @@ import pytest
 from fleet.clock import SystemClock
 from fleet.errors import StateError
 from fleet.spool.database import set_aside
+from fleet.spool.disk import LATE_LOOK
 from fleet.spool.losses import Reason
 from fleet.spool.message import Outgoing
-from fleet.spool.spool import AGES, LATE_LOOK
+from fleet.spool.spool import AGES
 from fleet.spool.state_folder import SPOOL
 from fleet.spool.store import LEAST_EVICTED, SpoolFile
 from fleet.spool.unwritten import AT_ONCE
@@ -66,7 +67,7 @@ def test_a_disk_that_is_well_again_when_it_is_closed_gets_all_that_memory_holds(
         raise StateError("no file")
 
     with monkeypatch.context() as ill:
-        ill.setattr("fleet.spool.spool.SpoolFile", no_file)
+        ill.setattr("fleet.spool.disk.SpoolFile", no_file)
         spool = opened().put(*payloads(20))
         wait_until("the disk was tried again", lambda: len(tries) > 1)
     spool.spool.close()
@@ -175,7 +176,7 @@ def test_a_file_that_is_damaged_under_way_is_replaced_and_memory_goes_to_the_new
     spool = opened().put(*payloads(10)).written()
     broken = sqlite3.DatabaseError("database disk image is malformed")
     broken.sqlite_errorcode = sqlite3.SQLITE_CORRUPT
-    monkeypatch.setattr(spool.spool._store, "change", lambda *_: (_ for _ in ()).throw(broken))
+    monkeypatch.setattr(spool.spool._disk._store, "change", lambda *_: (_ for _ in ()).throw(broken))
     spool.put(b"10")
     wait_until("it is replaced", (tmp_path / "state" / f"{SPOOL}.broken").exists)
     wait_until("all is on disk again", lambda: not spool.spool._queue.unwritten)
@@ -186,9 +187,9 @@ def test_a_damaged_file_that_cannot_be_set_aside_at_once_is_not_read_again(opene
     spool = opened().put(*payloads(10)).written()
     broken = sqlite3.DatabaseError("database disk image is malformed")
     broken.sqlite_errorcode = sqlite3.SQLITE_CORRUPT
-    monkeypatch.setattr(spool.spool._store, "change", lambda *_: (_ for _ in ()).throw(broken))
+    monkeypatch.setattr(spool.spool._disk._store, "change", lambda *_: (_ for _ in ()).throw(broken))
     busy = iter([OSError("busy")])
-    monkeypatch.setattr("fleet.spool.spool.set_aside", lambda path: fail_once(busy, path))
+    monkeypatch.setattr("fleet.spool.disk.set_aside", lambda path: fail_once(busy, path))
     spool.put(b"10")
     wait_until("it cannot be moved", lambda: "busy" in spool.spool.problem)
     assert spool.online().drain() == [("t", payload) for payload in payloads(11)]
@@ -204,11 +205,11 @@ def fail_once(failures, path):
 
 def test_a_full_disk_is_told_costs_nothing_that_fits_in_memory_and_heals(opened):
     spool = opened(messages=1000)
-    spool.spool._store._database.execute("PRAGMA max_page_count = 1")
+    spool.spool._disk._store._database.execute("PRAGMA max_page_count = 1")
     spool.put(*[b"x" * 1000] * 100)
     wait_until("it is told", lambda: "full" in spool.spool.problem)
     assert (spool.spool.waiting, spool.spool.lost) == (100, 0)
-    spool.spool._store._database.execute("PRAGMA max_page_count = 10000")
+    spool.spool._disk._store._database.execute("PRAGMA max_page_count = 10000")
     wait_until("it heals", lambda: not spool.spool.problem)
     spool.written()
     assert opened().spool.waiting == 100
@@ -234,10 +235,8 @@ def test_what_waits_while_the_file_cannot_be_replaced_is_sent_from_memory(opened
     spool = opened(messages=10)
     broken = sqlite3.DatabaseError("database disk image is malformed")
     broken.sqlite_errorcode = sqlite3.SQLITE_CORRUPT
-    monkeypatch.setattr(spool.spool._store, "change", lambda *_: (_ for _ in ()).throw(broken))
-    monkeypatch.setattr(
-        "fleet.spool.spool.SpoolFile", lambda *_: (_ for _ in ()).throw(StateError("no file"))
-    )
+    monkeypatch.setattr(spool.spool._disk._store, "change", lambda *_: (_ for _ in ()).throw(broken))
+    monkeypatch.setattr("fleet.spool.disk.SpoolFile", lambda *_: (_ for _ in ()).throw(StateError("no file")))
     with spool.spool._using:  # they come faster than the disk is looked at
         for payload in payloads(15):
             spool.spool._queue.put(Outgoing("t", payload, 1), clock.monotonic(), clock.time())
@@ -258,8 +257,8 @@ def test_a_folder_that_cannot_be_made_is_told_and_memory_serves_until_it_can(tmp
     spool.put(*payloads(3)).online()
     assert [payload for _, payload in spool.drain()] == payloads(3)
     (tmp_path / "file").unlink()
-    spool.spool._wake.set()
-    wait_until("the folder is used", lambda: spool.spool._store is not None)
+    spool.spool._disk._wake.set()
+    wait_until("the folder is used", lambda: spool.spool._disk._store is not None)
 
 
 def test_a_lock_that_cannot_be_opened_is_told_and_memory_serves(tmp_path, opened):
@@ -272,7 +271,7 @@ def test_a_lock_that_cannot_be_opened_is_told_and_memory_serves(tmp_path, opened
 
 def test_nobody_waits_for_a_disk_that_hangs(opened):
     spool = opened()
-    with sqlite3.connect(spool.spool._store.path, isolation_level=None) as other:
+    with sqlite3.connect(spool.spool._disk._store.path, isolation_level=None) as other:
         other.execute("BEGIN EXCLUSIVE")
         spool.put(*payloads(100)).online()
         spool.send()

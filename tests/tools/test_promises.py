@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from fleet.testing.promises import Event, Rules, What, broken
+from tests.tools.promises import Event, Rules, What, broken
 
 RULES = Rules(max_age=0.5)
 LIFE = (What.RECEIVED, What.ADMITTED, What.EXECUTED, What.REPLIED)

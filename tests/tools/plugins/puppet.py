@@ -10,7 +10,7 @@ import json
 import math
 import os
 import sys
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 from fleet.adapter import Adapter, Robot
 from fleet.commands import Range, command
@@ -75,7 +75,7 @@ class Puppet(Adapter[PuppetConfig]):
             note = f"{self._told} {robot.clock.monotonic()} {os.getpid()}"
             robot.report(NavigationReport(now, f"{self.config.name}", ActionState.RUNNING, 1.0, note))
 
-    def _note(self, what: str, **fields: Any) -> None:
+    def _note(self, what: str, **fields: object) -> None:
         """Write a line of the journal."""
         if self._journal >= 0:
             told = {"robot": self.config.name, "what": what, "at": self.robot.clock.monotonic(), **fields}

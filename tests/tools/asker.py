@@ -16,8 +16,8 @@ from typing import Any
 
 import msgspec
 
-from fleet.testing.mqtt import Mqtt
-from fleet.testing.promises import Event, What
+from tests.tools.mqtt import Mqtt
+from tests.tools.promises import Event, What
 
 PUPPETS = Path(__file__).parent / "plugins"
 """The folder to name under ``plugins`` in fleet.yaml, for robots with ``adapter: puppet``."""
@@ -119,7 +119,7 @@ class Asker:
         self._note(ask, What.REPLIED, ok=taken)
 
 
-def _message(command: str, data: Mapping[str, Any]) -> bytes:
+def _message(command: str, data: Mapping[str, object]) -> bytes:
     """Return a command message of a person at a remote control."""
     return json.dumps(
         {"command": command, "source_type": "tele", "timestamp": time.time(), "data": data}
@@ -131,7 +131,7 @@ def executed(journal: Path, asks: Mapping[int, Ask]) -> list[Event]:
     return [event for line in _lines(journal) if (event := _execution(line, asks)) is not None]
 
 
-def _lines(journal: Path) -> Iterable[Mapping[str, Any]]:
+def _lines(journal: Path) -> Iterable[Mapping[str, object]]:
     """Yield the lines of a journal; the last one of a process that was killed may not be whole."""
     for text in journal.read_text().splitlines():
         try:

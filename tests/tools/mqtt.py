@@ -79,7 +79,7 @@ class Mqtt:
         packet = mqtt5.PublishPacket(topic, payload, qos=mqtt5.QoS(qos), packet_id=identifier, **options)
         return packet.write()
 
-    def publish(self, topic: str, payload: bytes, qos: int = 0, **options: Any) -> None:
+    def publish(self, topic: str, payload: bytes, qos: int = 0, **options: object) -> None:
         """Publish at once."""
         self.send(self.packet(topic, payload, qos, **options))
 
@@ -98,7 +98,7 @@ class Mqtt:
                 if answers:
                     self.send(answers)
 
-    def _handle(self, packet: Any, now: float) -> bytes:
+    def _handle(self, packet: object, now: float) -> bytes:
         """Take a packet; return the bytes that acknowledge it."""
         if isinstance(packet, mqtt5.PublishPacket):
             if self._took is not None:

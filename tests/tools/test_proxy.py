@@ -6,8 +6,8 @@ import time
 
 import pytest
 
-from fleet.testing.proxy import TcpProxy
 from fleet.testing.waiting import DEADLINE
+from tests.tools.proxy import TcpProxy
 
 
 @pytest.fixture
