@@ -328,6 +328,8 @@ class LocalRobot:
             drop_in=self._drop_in,
             speed=rounded(self._seen.speed(self._clock.time())),
             age=rounded(self._seen.age(self._clock.monotonic())),
+            run=self.controller.lease.run,
+            left_run=self.controller.lease.left,
         )
 
     def describe(self) -> RobotDescription:
