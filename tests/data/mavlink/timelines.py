@@ -9,9 +9,8 @@ import contextlib
 from collections.abc import Iterator
 from pathlib import Path
 
-from fleet_mavlink.link_hub import LinkHub
-
 from fleet.testing.clock import ManualClock
+from fleet_mavlink.link_hub import LinkHub
 
 HERE = Path(__file__).parent
 STATION = (255, 190)  # who made the recordings
