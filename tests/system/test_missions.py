@@ -14,8 +14,8 @@ import pytest
 
 from fleet.testing.waiting import wait_until
 
-KILLS = int(os.environ.get("FLEET_KILLS", "5"))
-SEED = int(os.environ.get("FLEET_SEED", "0")) or random.randrange(1 << 30)
+KILLS, SOAK_KILLS = 5, 200
+SEED = random.randrange(1 << 30)
 MISSION = {
     "version": 1,
     "roles": {"eye": {"kind": "mavlink"}, "feet": {"from": "yard", "kind": "ugv"}},
@@ -32,6 +32,7 @@ MISSION = {
     ],
     "on_failure": "undo",
 }
+pytestmark = pytest.mark.real_time
 TERMINAL = {"completed", "completed_with_losses", "failed", "undone", "undo_failed", "aborted", "unknown"}
 
 
@@ -154,11 +155,12 @@ def test_an_emergency_stop_of_all_ends_the_run_and_nothing_is_undone(yard):
     assert not any("land begun" in line["text"] for line in told(yard, run))
 
 
-@pytest.mark.timeout(900)
-def test_a_run_ends_truly_whenever_the_edge_is_killed_and_begins_nothing_twice(yard):
+@pytest.mark.timeout(9000)
+def test_a_run_ends_truly_whenever_the_edge_is_killed_and_begins_nothing_twice(yard, pytestconfig):
+    kills = SOAK_KILLS if pytestconfig.getoption("--soak") else KILLS
     chance = random.Random(SEED)
     policies = itertools.cycle(["hold_and_ask", "continue", "fail"])
-    for kill, policy in zip(range(KILLS), policies, strict=False):
+    for kill, policy in zip(range(kills), policies, strict=False):
         run = start(yard, policy)
         time.sleep(chance.uniform(0.0, 12.0))  # anywhere in it: nothing is awaited
         before = run_of(yard, run)

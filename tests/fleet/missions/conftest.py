@@ -1,9 +1,12 @@
 import pytest
+from hypothesis import settings
 
 from fleet.missions.engine import Engine
 from fleet.missions.program import Act, Do, Program
 from fleet.missions.state import Begin, Ended, Facts, Member, Outcome, Prepare, Replied, Start, Tick
 
+SOAK = 10_000
+"""Lives of a run that are played with ``--soak``."""
 ROLES = {"kestrel": "eye", "beast": "feet", "rover": "feet"}
 
 
@@ -74,3 +77,10 @@ def do(step="go", *, undo=None, **options):
 @pytest.fixture
 def play():
     return Play
+
+
+def pytest_collection_modifyitems(config, items):
+    """Play more lives in a soak: the settings of a state machine are its class's."""
+    if config.getoption("--soak"):
+        for machine in {item.cls for item in items if hasattr(item.cls, "settings")}:
+            machine.settings = settings(machine.settings, max_examples=SOAK)

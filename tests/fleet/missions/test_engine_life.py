@@ -1,7 +1,5 @@
 """What holds of a run whatever happens, in whatever order, and however often the process dies."""
 
-import os
-
 import msgspec
 from hypothesis import HealthCheck, settings
 from hypothesis import strategies as st
@@ -35,7 +33,6 @@ from fleet.missions.state import (
     Tick,
 )
 
-EXAMPLES = int(os.environ.get("FLEET_EXAMPLES", "500"))
 ROBOTS = {"kestrel": "eye", "beast": "feet", "rover": "feet"}
 GONE = [Outcome.LOST, Outcome.TAKEN, Outcome.STOPPED]
 ENDS = [Outcome.DONE, Outcome.DONE, Outcome.DONE, Outcome.FAILED, Outcome.REFUSED, Outcome.UNKNOWN]
@@ -298,7 +295,7 @@ class Life(RuleBasedStateMachine):
 
 TestLife = Life.TestCase
 TestLife.settings = settings(
-    max_examples=EXAMPLES,
+    max_examples=500,
     stateful_step_count=30,
     deadline=None,
     suppress_health_check=list(HealthCheck),
