@@ -123,7 +123,8 @@ class Run:
             self.about if new else None,
             self.engine.program if new else None,
         )
-        around.store.save(change, lambda _kept: around.soon(partial(self._carry_out, effects)))
+        follow = partial(self._recorded, effects, new)
+        around.store.save(change, lambda kept: around.soon(partial(follow, kept)))
         around.changed(self)
 
     def turn(self) -> None:
@@ -146,6 +147,14 @@ class Run:
             self.take(Left(robot, *left))
 
     # -- what follows ----------------------------------------------------------------------------------
+
+    def _recorded(self, effects: list[Effect], new: bool, kept: bool) -> None:  # noqa: FBT001 - by position
+        """Do what follows; a run whose beginning could not be recorded begins nothing."""
+        if kept or not new:
+            self._carry_out(effects)
+            return
+        self.engine.ending.close(RunOutcome.FAILED, f"it was not begun: {self._around.store.problem}")
+        self.take(Tick())  # tells it, and gives the robots back
 
     def _carry_out(self, effects: list[Effect]) -> None:
         """Do what follows from an event that is recorded; a run that cannot go on is given up."""

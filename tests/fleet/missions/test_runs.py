@@ -1,6 +1,7 @@
 """Runs of an edge whose robots answer by hand: recorded, commanded, given back, taken up again."""
 
 import json
+import sqlite3
 
 import msgspec
 import pytest
@@ -180,6 +181,25 @@ def test_what_is_begun_is_on_disk_before_the_robot_hears_of_it(yard):
     assert yard.robots["kestrel"].names == ["takeoff"]
     (kept,) = Store(yard.folder).unfinished()
     assert [part.identity for part in kept.parts] == ["3f2a/up.1/kestrel/1"]
+
+
+def test_a_run_that_the_disk_does_not_take_begins_nothing(yard):
+    yard.store._database.close()
+    yard.store._database = sqlite3.connect(":memory:", check_same_thread=False)  # none of our tables
+    yard.start()
+    assert yard.last.outcome == "failed"
+    assert "not begun: the runs of missions are not recorded" in yard.last.reason
+    assert yard.robots["kestrel"].names == []
+    assert {robot.now.run for robot in yard.robots.values()} == {""}
+
+
+def test_a_run_under_way_goes_on_though_the_disk_fails(yard):
+    yard.start()
+    yard.store._database.close()
+    yard.store._database = sqlite3.connect(":memory:", check_same_thread=False)
+    yard.done("kestrel", "takeoff")
+    assert yard.robots["kestrel"].names == ["takeoff", "goto"]
+    assert "not recorded" in yard.last.problem or yard.store.problem
 
 
 def test_a_robot_that_does_not_join_keeps_everybody_standing(yard):
