@@ -246,16 +246,8 @@ class Edge:
         metrics = self._metrics_port.problem if self._metrics_port else ""
         claims, expiry = self.cloud_claims.problem, self._expiry.problem
         busy = self.process.starvation.problem
-        problems = (
-            self.bus.problem,
-            *kept,
-            self.schedules.problem,
-            self._stop_inputs.problem,
-            metrics,
-            expiry,
-            claims,
-            busy,
-        )
+        inputs, schedules = self._stop_inputs.problem, self.schedules.problem
+        problems = (self.bus.problem, *kept, schedules, inputs, metrics, expiry, claims, busy)
         health = edge_health(states, [cloud, *map(degraded, problems)])
         load, bridge = read_load(), self.bridge
         stats = bridge.client.stats if bridge else None
