@@ -114,8 +114,8 @@ def table(model: type[BaseModel], without: frozenset[str] = frozenset()) -> Iter
     yield "|---|---|---|---|"
     for name, field in model.model_fields.items():
         if name not in without:
-            what = f"{kind(field.annotation)}{bounds(field)}"
-            yield f"| `{name}` | {what} | {default(field)} | {field.description or 'Picks this adapter.'} |"
+            key, what = field.alias or name, f"{kind(field.annotation)}{bounds(field)}"
+            yield f"| `{key}` | {what} | {default(field)} | {field.description or 'Picks this adapter.'} |"
 
 
 def models_in(model: type[BaseModel]) -> Iterator[type[BaseModel]]:

@@ -95,6 +95,11 @@ class Accepts(Model):
         description="For navigation. Left out: [tele, edge] for a real robot, "
         "[sim_tele, sim] for a simulated one.",
     )
+    mission: frozenset[SourceType] | None = Field(
+        None,
+        description="For missions that it takes part in, besides what each step needs. Left out: nobody but "
+        "local operators.",
+    )
 
 
 class WorldOrigin(Model):

@@ -38,6 +38,7 @@ among it."""
 _REPORTS = "cw/*/data/**"
 _STOP = "fleet/*/stop"
 _DESCRIPTION = "fleet/*/robots/*/description"
+_MISSIONS = ("fleet/*/missions/*", "fleet/*/runs/*")
 _BY_CERTIFICATE = frozenset({"tls", "quic"})
 
 _LISTEN = ("declare_subscriber", "liveliness_query", "declare_liveliness_subscriber")
@@ -97,7 +98,7 @@ def rules_of(role: Role, name: str, edge: str, access: Access) -> tuple[_Rule, .
         return (_Rule(_ALL, ("**",)),)
     if role == "console":
         robots = ("fleet/*/robots/*/command", "fleet/*/robots/*/prepare")
-        asked = (*robots, "fleet/*/starts", "fleet/*/history", "fleet/*/schedules")
+        asked = (*robots, "fleet/*/starts", "fleet/*/history", "fleet/*/schedules", *_MISSIONS)
         return (_Rule(("query",), asked), _Rule(("liveliness_token",), ("fleet/*/starts/*",)))
     if role == "program":
         channels = (*PROGRAM_CHANNELS, *access.channels)

@@ -22,6 +22,8 @@ key                                    what
 ``fleet/{edge}/health``                the edge's state: publication, and ask for the last
 ``fleet/{edge}/schedules``             ask for its schedules, switch one, or start what it starts
 ``fleet/{edge}/history``               ask who asked what of its robots, and what became of it
+``fleet/{edge}/missions/{name}``       ask: what a mission takes; with ``do=start`` it is started
+``fleet/{edge}/runs/{run}``            a run's state: publication, and ask for it; control it by asking
 ``fleet/{edge}/stop``                  emergency stop; publish or ask on ``fleet/*/stop``
 =====================================  ====================================================
 """
@@ -136,6 +138,16 @@ def history(edge_id: str) -> str:
 def schedules(edge_id: str) -> str:
     """Return the key on which an edge tells its schedules, and takes what is asked of them."""
     return f"fleet/{edge_id}/schedules"
+
+
+def mission(edge_id: str, name: str) -> str:
+    """Return the key of a mission that an edge knows; ``*`` is every one."""
+    return f"fleet/{edge_id}/missions/{name}"
+
+
+def run(edge_id: str, run_id: str) -> str:
+    """Return the key of a run of a mission; ``*`` is every one."""
+    return f"fleet/{edge_id}/runs/{run_id}"
 
 
 def stop(edge_id: str) -> str:

@@ -36,6 +36,10 @@ FLAVOURS = ("px4", "ardupilot")
 UGV = "waveshare-beast"
 
 
+PATROL = "patrol"
+"""The mission of a demo that has a drone or a wheeled robot."""
+
+
 class DemoExample(NamedTuple):
     """What to try with the first robot of a kind: a command, its data, and a goal (m)."""
 
@@ -75,6 +79,36 @@ def _robot(name: str, edge: str, **fields: object) -> dict[str, object]:
     return {"name": name, "twin": twin_of(name, edge), **fields, "accepts": accepts}
 
 
+def _patrol(kinds: Mapping[str, Sequence[object]]) -> dict[str, object]:
+    """Return the demo's mission for the robots that are there; none for dogs alone."""
+    there = [kind for kind in ("drones", "ugvs") if kinds[kind]]
+    roles = {"drones": "eye", "ugvs": "feet"}
+    ways = {"drones": {"goto": [6, 0, 5]}, "ugvs": {"goto": [2, -ROW]}}
+    if not there:
+        return {}
+    up = {"eye": {"command": "takeoff", "with": {"altitude": {"input": "height"}}}}
+    steps: list[dict[str, object]] = [
+        {
+            "id": "round",
+            "start": "together",
+            "timeout": "2 min",
+            "do": {roles[kind]: ways[kind] for kind in there},
+        }
+    ]
+    if "drones" in there:
+        steps.insert(0, {"id": "up", "do": up, "undo": {"eye": "land"}})
+        steps.append({"id": "home", "do": {"eye": "land"}})
+    mission = {
+        "version": 1,
+        "summary": "Robots go round together.",
+        "inputs": {"height": {"type": "number", "unit": "m", "default": 5, "min": 3, "max": 30}},
+        "roles": {roles[kind]: {"from": kind} for kind in there},
+        "steps": steps,
+        "on_failure": "undo",
+    }
+    return {PATROL: mission}
+
+
 def demo_file(drones: int, host: str, port: int, *, ugvs: int = 0, dogs: int = 0, edge: str = EDGE) -> str:
     """Return the fleet file of the demo, as JSON (which is YAML); it keeps its state beside itself."""
     kinds = {
@@ -103,6 +137,7 @@ def demo_file(drones: int, host: str, port: int, *, ugvs: int = 0, dogs: int = 0
         "site": {"origin": FIELD},
         "robots": [robot for robots in kinds.values() for robot in robots],
         "groups": {kind: [robot["name"] for robot in robots] for kind, robots in kinds.items() if robots},
+        "missions": _patrol(kinds),
     }
     return json.dumps(fleet, indent=2)
 
@@ -176,6 +211,8 @@ def _welcome(out: Output, host: str, port: int, tries: Sequence[DemoExample], ed
         out.note(f"{label:17} {topic}/+")
         out.note("try, in another terminal:")
         out.note(f"  {fleet_program()} ps")
+        if robot.startswith(("drone", "ugv")) and edge == EDGE:
+            out.note(f"  {fleet_program()} mission run {PATROL}")
         out.note(f"  {fleet_program()} send {name} {words} --wait")
         out.note(f"  {fleet_program()} goto {name} {goal} --wait")
         out.note(f"  mosquitto_sub -h {host} -p {port} -v -t '{topic}/#'")

@@ -19,6 +19,8 @@ from fleet.config.text import nearest
 from fleet.errors import BusError, Refused, TimedOut
 from fleet.history.event_filter import EventFilter, newest
 from fleet.history.record import Record
+from fleet.missions.report import ControlAsk, Controlled, MissionState, RunState, StartAsk, Started
+from fleet.missions.store import Told
 from fleet.model.command import Reply
 from fleet.model.description import RobotDescription
 from fleet.model.place import Place
@@ -29,6 +31,7 @@ from fleet.runtime.decoding import decode_json
 log = logging.getLogger(__name__)
 
 ANSWER_WITHIN = 2.0  # s for what an edge knows without asking a robot
+START_WITHIN = 15.0  # s for an edge to start a mission: its robots join it first
 HISTORY_WITHIN = 10.0  # s for what it has to read from its disk
 STARTED_WITHIN = 90.0  # s for what starts a mission
 START = "start one with: fleet run fleet.yaml (or: fleet demo)"
@@ -194,6 +197,38 @@ class Edges:
         parts = self._asked(keys.history("*"), list[Record], asked, HISTORY_WITHIN)
         told = ((key.split("/")[1], record) for _, key, part in parts for record in part)
         return newest((msgspec.structs.replace(record, edge=edge) for edge, record in told), wanted)
+
+    def missions(self, name: str) -> list[MissionState]:
+        """Return the missions of this name (``*``: all) that the edges know."""
+        return [found for _, _, found in self._asked(keys.mission("*", name), MissionState)]
+
+    def runs(self, run: str) -> list[RunState]:
+        """Return the runs of this id (``*``: all), those under way and the newest that ended."""
+        return [found for _, _, found in self._asked(keys.run("*", run), RunState)]
+
+    def start_mission(self, edge: str, name: str, asked: StartAsk) -> Started:
+        """Start a mission on an edge; raises TimedOut when that does not answer."""
+        return self._one(keys.mission(edge, name), Started, asked, {"do": "start"})
+
+    def control_run(self, edge: str, run: str, asked: ControlAsk) -> Controlled:
+        """Control a run; raises TimedOut when its edge does not answer."""
+        return self._one(keys.run(edge, run), Controlled, asked)
+
+    def story(self, edge: str, run: str) -> list[Told]:
+        """Return what happened in a run; raises TimedOut when its edge does not answer."""
+        return self._one(keys.run(edge, run), list[Told], ControlAsk("log"))
+
+    def _one(
+        self, key: str, kind: type[T], asked: msgspec.Struct, parameters: Mapping[str, str] | None = None
+    ) -> T:
+        """Ask one edge, by whichever way reaches it; raises TimedOut without an answer."""
+        payload = msgspec.json.encode(asked)
+        for bus_session in self._lanes:
+            for _, found in decoded(
+                bus_session.ask(key, payload, timeout=START_WITHIN, parameters=parameters), kind
+            ):
+                return found
+        raise TimedOut(f"no answer within {START_WITHIN:g} s on {key}")
 
     def _asked(
         self, key: str, kind: type[T], payload: bytes = b"", within: float = ANSWER_WITHIN

@@ -36,6 +36,7 @@ COMMANDS: Mapping[str, str] = {
     "ready": "fleet.cli.ready:ready",
     "mission": "fleet.cli.mission:mission",
     "schedule": "fleet.cli.schedule:schedule",
+    "take": "fleet.cli.take:take",
     "params": "fleet.cli.params:params",
     "logs": "fleet.cli.logs:logs",
     "flight-logs": "fleet.cli.flight_logs:flight_logs",
@@ -64,7 +65,8 @@ SUMMARIES: Mapping[str, str] = {
     "release": "Release stopped robots, and show who stopped them, when and why.",
     "history": "Show who asked what of robots, and what became of it.",
     "ready": "Show whether an aircraft would take off now, and why not.",
-    "mission": "Start and control a mission that an aircraft flies from its own memory.",
+    "mission": "Start, follow and control missions of one or several robots.",
+    "take": "Take a robot out of the run of a mission.",
     "schedule": "Show what starts missions by itself, and switch it.",
     "params": "Read and write a robot's own parameters.",
     "logs": "Show the log of an edge and its workers.",
@@ -130,7 +132,7 @@ def fleet() -> None:
     Results go to stdout, everything else to stderr; with --json an error is {"error": ..., "code": ...} on
     stdout as well. Exit codes: 0 ok, 1 runtime error, 2 usage,
     3 configuration invalid, 4 edge not running, 5 command rejected or denied, 6 timeout, 7 some robots
-    failed, 130 interrupted.
+    failed, 8 mission not completed, 9 unknown how it ended, 130 interrupted.
     """
 
 

@@ -36,6 +36,8 @@ class ExitCode(enum.IntEnum):
     REJECTED = 5  # the host or the robot said no
     TIMEOUT = 6  # the robot did not answer in time
     SOME_FAILED = 7  # of several robots, some
+    ENDED = 8  # a mission ended, and was not completed
+    UNKNOWN = 9  # nobody knows how a mission ended
     INTERRUPTED = 130  # ctrl-c
 
 

@@ -239,7 +239,7 @@ def _models_at(model: type[BaseModel], location: Iterable[str | int]) -> list[ty
     """Return the models that may stand at pydantic's location; its union tags change nothing."""
     models = [model]
     for step in location:
-        fields = [each.model_fields[str(step)] for each in models if str(step) in each.model_fields]
+        fields = [fields_of(each)[str(step)] for each in models if str(step) in fields_of(each)]
         if fields:
             models = [found for field in fields for found in _models_in(field.annotation)]
     return models
@@ -247,7 +247,7 @@ def _models_at(model: type[BaseModel], location: Iterable[str | int]) -> list[ty
 
 def _keys(model: type[BaseModel], location: Iterable[str | int]) -> set[str]:
     """Return the keys that are known at a location."""
-    return {name for each in _models_at(model, location) for name in each.model_fields}
+    return {name for each in _models_at(model, location) for name in fields_of(each)}
 
 
 def _field(model: type[BaseModel], location: tuple[str | int, ...]) -> FieldInfo | None:
@@ -258,4 +258,9 @@ def _field(model: type[BaseModel], location: tuple[str | int, ...]) -> FieldInfo
         return None
     name = str(location[-1])
     models = _models_at(model, location[:-1])
-    return next((each.model_fields[name] for each in models if name in each.model_fields), None)
+    return next((fields_of(each)[name] for each in models if name in fields_of(each)), None)
+
+
+def fields_of(model: type[BaseModel]) -> dict[str, FieldInfo]:
+    """Return a model's fields by the key that stands in the file: some keys are words of Python."""
+    return {field.alias or name: field for name, field in model.model_fields.items()}

@@ -34,6 +34,7 @@ from fleet.config.drop_in import DropInConfig, asked
 from fleet.config.environment import cloud_from_environment
 from fleet.config.explain import validated, validated_with
 from fleet.config.groups import check_groups, contradiction, said_by_groups
+from fleet.config.missions import Known, Mission, check_missions
 from fleet.config.places import check_places
 from fleet.config.problems import InvalidConfig, Path, Problem
 from fleet.config.schema import FleetConfig, Sections
@@ -63,6 +64,7 @@ class Loaded(msgspec.Struct, frozen=True):
     given: Mapping[str, str]
     problems: tuple[Problem, ...] = ()
     warnings: tuple[Problem, ...] = ()
+    missions: tuple[Mission, ...] = ()
 
 
 class _Made(msgspec.Struct, frozen=True):
@@ -121,6 +123,7 @@ def _load(file: pathlib.Path, environ: Mapping[str, str], partial: bool, registr
     sections = _sections(document, context)
     robots = _robots(document, registry, context)
     _check_together(document, sections, robots)
+    missions = check_missions(data, document, file.parent, _known(data))
     _warn(document, sections, robots)
     problems = tuple(sorted(set(document.problems), key=_place_in_file))
     runnable = _runnable(robots, problems)
@@ -135,7 +138,20 @@ def _load(file: pathlib.Path, environ: Mapping[str, str], partial: bool, registr
         }
     )
     given = {made.config.name: made.given for made in robots.values()}
-    return Loaded(config, registry, runnable, file.parent, given, problems, tuple(document.warnings))
+    warnings = tuple(document.warnings)
+    return Loaded(config, registry, runnable, file.parent, given, problems, warnings, tuple(missions))
+
+
+def _known(data: Mapping[str, Any]) -> Known:
+    """Return what a mission may name."""
+    listed = data.get("robots")
+    robots = [
+        robot.get("name") for robot in (listed if isinstance(listed, list) else ()) if isinstance(robot, dict)
+    ]
+    groups = data.get("groups")
+    places = data.get("places")
+    names = [str(name) for name in (*robots, *(groups if isinstance(groups, dict) else ()))]
+    return Known(names, list(places) if isinstance(places, dict) else [])
 
 
 def _check_together(document: Document, sections: Sections | None, robots: Mapping[int, _Made]) -> None:

@@ -310,6 +310,9 @@ class Sections(Model):
         description="Names for several robots at once: [names], or {robots: [names], accepts: ..., limits: "
         "...} with what holds for each of them unless it says otherwise itself.",
     )
+    missions: dict[Name, Any] = Field(
+        {}, description="What groups of robots shall do; docs/missions.md has the grammar."
+    )
     schedules: dict[Name, ScheduleConfig] = Field(
         {}, description="When missions start by themselves (docs/groups.md)."
     )

@@ -32,6 +32,15 @@ class Origin(msgspec.Struct, frozen=True):
     session: str = ""
 
 
+RUN_SESSION = "run "
+"""What the session of a run of a mission begins with."""
+
+
+def session_of(run: str) -> str:
+    """Return the session in which a run of a mission commands its robots."""
+    return f"{RUN_SESSION}{run}"
+
+
 class Command(msgspec.Struct, frozen=True):
     """Something discrete asked of a robot; has exactly one receipt.
 

@@ -27,6 +27,9 @@ class RobotState(msgspec.Struct, frozen=True, omit_defaults=True):
     ``speed`` is m/s over all axes, of its last second; None where it tells no pose. ``age``: seconds since it
     was heard, at ``stamp``; None while it never was.
 
+    ``run`` is the run of a mission that has it; ``left_run`` why the last one has it no more, beginning with
+    ``taken``, ``stopped`` or ``lost``.
+
     ``reachable``: it can be asked something. A fault may be one that it tells itself, or one that keeps us
     from it.
     """
@@ -58,6 +61,8 @@ class RobotState(msgspec.Struct, frozen=True, omit_defaults=True):
     drop_in: str = ""
     speed: float | None = None
     age: float | None = None
+    run: str = ""
+    left_run: str = ""
 
 
 class EdgeState(msgspec.Struct, frozen=True, omit_defaults=True):

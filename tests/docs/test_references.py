@@ -19,6 +19,7 @@ DOCS = pathlib.Path(__file__).parents[2] / "docs"
     [
         ("make_config_reference.py", "config.md"),
         ("make_cli_reference.py", "cli.md"),
+        ("make_mission_reference.py", "mission-grammar.md"),
         ("make_screens.py", "screens.md"),
     ],
 )

@@ -26,6 +26,7 @@ from fleet.host.edge.certificate_expiry import CertificateExpiry, files_of
 from fleet.host.edge.cloud_claims import CloudClaims
 from fleet.host.edge.cloud_presence import CloudPresence
 from fleet.host.edge.metrics_port import MetricsPort
+from fleet.host.edge.missions import Missions
 from fleet.host.edge.notifier import Notifier
 from fleet.host.edge.schedules import EdgeSchedules
 from fleet.host.journal.stores import history_bounds, open_stores
@@ -126,6 +127,7 @@ class Edge:
             if self._presence is not None:
                 self.process.on_holder = self._presence.hold
             self.metrics, self._metrics_port = self._make_metrics()
+            self.missions = Missions(loaded, self.process, self.remote, folder, self._stop_robots)
             undo.pop_all()
         self._groups = {name: list(robots) for name, robots in config.members.items()}
         self._stop_inputs = StopInputs(
@@ -215,6 +217,7 @@ class Edge:
             stop_logs()
             self.bus.close()
             await asyncio.to_thread(self._recall.close)
+            await asyncio.to_thread(self.missions.close)
             await self.process.close()
             await asyncio.to_thread(self._notifier.close)
 
@@ -239,23 +242,14 @@ class Edge:
         """Return the edge's own state: its robots rolled up, its bus, its cloud, its host."""
         states = self.states()
         cloud = self.bridge.health if self.bridge else Health()
-        kept = (self.process.journal.problem, self.process.history.problem)
+        kept = (self.process.journal.problem, self.process.history.problem, self.missions.problem)
         metrics = self._metrics_port.problem if self._metrics_port else ""
         claims, expiry = self.cloud_claims.problem, self._expiry.problem
         busy = self.process.starvation.problem
-        problems = (
-            self.bus.problem,
-            *kept,
-            self.schedules.problem,
-            self._stop_inputs.problem,
-            metrics,
-            expiry,
-            claims,
-            busy,
-        )
+        inputs, schedules = self._stop_inputs.problem, self.schedules.problem
+        problems = (self.bus.problem, *kept, schedules, inputs, metrics, expiry, claims, busy)
         health = edge_health(states, [cloud, *map(degraded, problems)])
-        load = read_load()
-        bridge = self.bridge
+        load, bridge = read_load(), self.bridge
         stats = bridge.client.stats if bridge else None
         return EdgeState(
             edge=self._config.edge.id,
@@ -334,6 +328,7 @@ class Edge:
         self.bus.control.answer(keys.health(edge), self._asked_health)
         self.bus.control.answer(keys.history(edge), self._recall.asked)
         self.bus.control.answer(keys.schedules(edge), self.schedules.asked)
+        self.missions.declare()
         self._notifier.hear(self.bus.reports, {robot.twin: robot.name for robot in self.remote.values()})
         health = self.bus.control.publisher(keys.health(edge))
 

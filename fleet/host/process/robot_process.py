@@ -131,6 +131,7 @@ class RobotProcess:
         self._holders: dict[str, dict[str, str]] = {}
         self._ending = False
         self.on_holder: Callable[[str, str], None] = lambda _twin, _holder: None
+        self.on_stop: Callable[[tuple[str, ...], StopCause], None] = lambda _names, _cause: None
 
     def _make(self, spec: RobotSpec) -> LocalRobot:
         """Build one robot."""
@@ -274,6 +275,7 @@ class RobotProcess:
         run_in_turn((robot.controller.latch.record for robot in stopped), wait=HALT_WAIT)
         for robot in stopped:
             robot.follow_emergency(cause)
+        self.on_stop(names, cause)
         return [robot.name for robot in stopped]
 
     def follow_supervisor(self, stop: Callable[[bytes, StopCause], list[str]], ended: asyncio.Event) -> None:
@@ -354,8 +356,6 @@ class RobotProcess:
     def _look_at_processor(self) -> None:
         """See whether the computer has time for this process."""
         self.starvation.look(self.clock.monotonic(), self._thread.waited())
-
-    # -- who blocks the loop -------------------------------------------------------------------------
 
     def _running(self) -> str:
         """Return which robot the loop is busy with; on the watchdog's thread."""

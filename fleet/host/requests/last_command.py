@@ -3,7 +3,11 @@
 from __future__ import annotations
 
 from fleet.host.requests.receipt import Receipt
+from fleet.host.safety.admission import JOIN, LEAVE
 from fleet.model.command import Reply
+
+BOOKKEEPING = frozenset({JOIN, LEAVE})
+"""Who has the robot: nobody asks for it by hand, and people are not shown it as what the robot did last."""
 
 
 class LastCommand:
@@ -15,6 +19,8 @@ class LastCommand:
 
     def follow(self, command: str, receipt: Receipt) -> None:
         """Note a command that is under way, and from its receipt how it goes on."""
+        if command in BOOKKEEPING:
+            return
         self.command, self.outcome = command, "under way"
         receipt.watch(self._heard)
 

@@ -29,6 +29,9 @@ _HOST = {
     "emergency_stop": "Stop at once, and take no motion until released.",
     "hover": "As stop.",
     "brake": "As stop.",
+    "take": "Take the robot out of the run of a mission; it holds.",
+    "join_run": "A run of a mission takes the robot.",
+    "leave_run": "A run of a mission gives the robot back.",
 }
 """What the host itself does for every robot."""
 

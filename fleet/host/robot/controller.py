@@ -24,6 +24,7 @@ from fleet.host.robot.executor import Executor, may_still_move, takes
 from fleet.host.robot.motion_guard import MotionGuard
 from fleet.host.robot.navigator import Navigator
 from fleet.host.robot.own_commands import MOTION, own_commands
+from fleet.host.robot.run_commands import run_commands
 from fleet.host.robot.standstill import answer_stop, stand_still, what_was_written, write_halt
 from fleet.host.robot.velocity_control import VelocityControl
 from fleet.host.runtime.threads import HALT_WAIT, run_in_thread, run_in_turn
@@ -70,11 +71,12 @@ class RobotController:
             limits, clock, life, guard, combines=combines, barred=barred, halt=self.halt, crashed=crashed
         )
         self.deadman, self.joints = self._driving.deadman, self._driving.joints
-        self.senders, self.latch = self._admission.offsets, latch  # the latch: any thread
+        self.senders, self.latch, self.lease = self._admission.offsets, latch, self._admission.lease
         self.would_refuse, self._repeats = self._admission.would_refuse, journal.repeats(clock.monotonic())
         release, store, drives = self.latch.release, self.speeds.store, capabilities.drives
         follow = self.joints.follow if config.follows and capabilities.moves_joints else None
         self.own = own_commands(release=release, restart=restart, store=store, drives=drives, follow=follow)
+        self.own |= run_commands(self._admission, self._stop)
         self._adapter: Adapter[Any] | None = None
         self.offline = "it has not been reached yet"  # why it cannot be asked; empty while it can
         self.in_control = self._heard = False  # _heard: since the adapter's run began
@@ -150,7 +152,7 @@ class RobotController:
     def detach(self, why: str) -> None:
         """Take the adapter away."""
         self.lost(why)
-        self._admission.taken_over()
+        self._admission.taken_over(f"lost: {why}")
         self.joints.forget()
         self._adapter, self.in_control = None, False
 
@@ -158,7 +160,7 @@ class RobotController:
         """Somebody else took the robot: nothing of ours goes on, and a new command is needed."""
         self.event_reporter.authority_lost(reason)
         self._end_motion(f"authority lost: {reason}")
-        self._admission.taken_over()
+        self._admission.taken_over(f"taken: authority lost: {reason}")
         self.in_control, self.may_be_moving, self.guard.taken = False, False, True
 
     def _end_motion(self, why: str) -> None:
@@ -328,9 +330,8 @@ class RobotController:
 
     def _pilot(self) -> GoalNavigator | None:
         """Return who leads the robot to a goal: itself, or the host; None when neither can."""
-        return goal_navigator(
-            self._adapter, self._leader, navigates=self._can.navigates, drives=self._can.drives
-        )
+        can = self._can
+        return goal_navigator(self._adapter, self._leader, navigates=can.navigates, drives=can.drives)
 
     def _navigate(self, ask: Navigate, receipt: Receipt) -> None:
         """Take a goal, or a control of the running action."""
@@ -342,8 +343,7 @@ class RobotController:
             return
         refusal, who = self._admission.navigate(ask) or self.unable(ask.ask), self._pilot()
         if refusal is not None or self._adapter is None or self.offline or who is None:
-            refusal = refusal or self._absence()
-            receipt.reject(refusal)
+            receipt.reject(refusal := refusal or self._absence())
             self._navigator.refuse(ask, refusal, receipt)
             return
         self._end_driving(self._adapter)

@@ -93,8 +93,7 @@ class LocalRobot:
         self._loop = asyncio.get_running_loop()
         self._context = contextvars.copy_context()
         self._context.run(OWNER.set, config.name)
-        self._online = False
-        self.in_use = False  # somebody has moved it through this edge, and the edge did not let go since
+        self._online = self.in_use = False  # in_use: moved through this edge, which has kept it since
         self._log = robot_log(config.name)
         self._refusals = RateLimitedCounter(self._log, clock)
         self._record = never_raises(record)  # into the edge's history
@@ -116,8 +115,7 @@ class LocalRobot:
             planar=can.limits.vertical_speed is None,
             home_altitude=lambda: self._seen.home_altitude,
         )
-        self._arrival = arrival  # since when (monotonic s) what is read now may have waited
-        self._changed = changed
+        self._changed, self._arrival = changed, arrival  # since when (monotonic s) a message may have waited
         self._limits = config.limits.over(can.limits)
         self._kept: tuple[dict[str, Any], BlockingCalls] = {}, BlockingCalls(config.name)  # over attempts
         self.runner = AdapterRunner(
@@ -328,6 +326,8 @@ class LocalRobot:
             drop_in=self._drop_in,
             speed=rounded(self._seen.speed(self._clock.time())),
             age=rounded(self._seen.age(self._clock.monotonic())),
+            run=self.controller.lease.run,
+            left_run=self.controller.lease.left,
         )
 
     def describe(self) -> RobotDescription:

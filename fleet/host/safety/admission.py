@@ -3,16 +3,21 @@
 from __future__ import annotations
 
 from fleet.clock import Clock
+from fleet.errors import Refused
 from fleet.host.safety.control_lease import ControlLease
 from fleet.host.safety.emergency_stop import RELEASE, EmergencyStopLatch
 from fleet.host.safety.message_age import AgeCheck
 from fleet.host.safety.source_policy import SourcePolicy
 from fleet.host.safety.stick_release import StickReleaseInterlock
 from fleet.host.safety.verb_speeds import VerbSpeeds
-from fleet.model.command import Command, JointSetpoint, Origin, Setpoint
+from fleet.model.command import RUN_SESSION, Command, JointSetpoint, Origin, Setpoint
 from fleet.model.navigation import Control, Navigate
 from fleet.robot_config import AdapterConfig
+from fleet.wire.envelope import LONGEST_NAME
 from fleet.wire.stops import STOP_WORDS
+
+JOIN, LEAVE, TAKE = "join_run", "leave_run", "take"
+"""The host's own: a run of a mission takes the robot, gives it back; a person takes it out of the run."""
 
 
 class Admission:
@@ -40,15 +45,16 @@ class Admission:
         """
         self.speeds.forget()
         self.lease.let_go(ask.origin.session)
+        self.lease.others_moved(ask.origin.session, f"stopped: {ask.name} by {_named(ask.origin)}")
         self._let_go.stopped(_asker(ask.origin), self._clock.monotonic())
         wall, now = self._clock.time(), self._clock.monotonic()
         shared = not ask.origin.session
         self._ages.stopped(_asker(ask.origin), ask.stamp, wall=wall, now=now, shared=shared)
 
-    def taken_over(self) -> None:
+    def taken_over(self, why: str) -> None:
         """Take note that somebody else has the robot, or that its adapter begins anew."""
         self.speeds.forget()
-        self.lease.free()
+        self.lease.free(why)
 
     def command(self, ask: Command, *, moves: bool, safe: bool) -> str | None:
         """Judge a discrete command; stops are let through whoever sends them and however late."""
@@ -61,7 +67,22 @@ class Admission:
         refusal = refusal or self._standing(ask, moves=moves, safe=safe)
         if refusal is None and ends_a_stop and ask.name != RELEASE:
             self._take(ask.origin)
+        if refusal is None and moves:  # what is safe passes though a run has the robot
+            self.lease.others_moved(ask.origin.session, f"taken: {ask.name} by {_named(ask.origin)}")
         return refusal
+
+    def join(self, ask: Command) -> None:
+        """Give the robot to a run of a mission until it leaves; raises Refused."""
+        refusal = self.motion() or self.lease.join(_run_in(ask), self._clock.monotonic())
+        if refusal is not None:
+            raise Refused(refusal)
+
+    def leave(self, ask: Command) -> None:
+        """Take the robot out of its run: the run has ended, or a person takes the robot."""
+        if ask.name == TAKE:
+            self.lease.leave(f"taken: by {_named(ask.origin)}")
+        elif self.lease.run == _run_in(ask):
+            self.lease.leave("the run ended")
 
     def would_refuse(self, ask: Command | Navigate, *, moves: bool, safe: bool) -> str | None:
         """Return why a command or a goal would be refused that was asked now; takes the robot for nobody."""
@@ -76,6 +97,10 @@ class Admission:
         """Judge a command by what is so now: a stop that is set, a fault, somebody's turn."""
         if ask.name == RELEASE:
             return self.latch.held or None
+        if ask.origin.session.startswith(RUN_SESSION) and ask.name not in (JOIN, LEAVE):
+            refusal = self.lease.refusal(ask.origin.session, self._clock.monotonic())
+            if refusal is not None:  # a robot that left its run is not touched by it, not even to land
+                return refusal
         if safe:
             return None
         if not moves:
@@ -172,6 +197,19 @@ class Admission:
         """Give the robot to an asker."""
         self.lease.take(origin.session, self._clock.monotonic())
         self.speeds.driven_by(origin.session)
+
+
+def _run_in(ask: Command) -> str:
+    """Return the run that a command names; raises Refused."""
+    run = ask.data.get("run")
+    if not isinstance(run, str) or not 0 < len(run) <= LONGEST_NAME:
+        raise Refused(f"{ask.name} needs run, the id of a run")
+    return run
+
+
+def _named(origin: Origin) -> str:
+    """Return who asked, for people."""
+    return origin.session or origin.way
 
 
 def _asker(origin: Origin) -> str:

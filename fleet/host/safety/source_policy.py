@@ -21,13 +21,29 @@ class SourcePolicy:
     def __init__(self, accepts: Accepts, *, simulated: bool) -> None:
         self.command: frozenset[str] = accepts.command or (SIMULATED if simulated else REAL_COMMAND)
         self.navigate: frozenset[str] = accepts.navigate or (SIMULATED if simulated else REAL_NAVIGATE)
+        self.mission: frozenset[str] = accepts.mission or frozenset()
 
     def refusal(self, origin: Origin, *, navigation: bool = False) -> str | None:
         """Return why this asker is not obeyed, None when he is."""
-        accepted = self.navigate if navigation else self.command
-        if origin.source_type in accepted:
-            return None
-        if origin.way is Transport.MISSION or (origin.way is Transport.BUS and origin.source_type is None):
-            return None
-        given = "no source_type" if origin.source_type is None else f"source_type {origin.source_type!r}"
-        return f"{given}; this robot obeys {', '.join(sorted(accepted))}"
+        return _refusal(origin, self.navigate if navigation else self.command)
+
+    def mission_refusal(self, origin: Origin, *, commands: bool, navigates: bool) -> str | None:
+        """Return why this asker may not start a mission that commands the robot, or leads it; None if so.
+
+        He must be let in for missions, and for each thing that the mission asks: it gives nobody rights.
+        """
+        return (
+            _refusal(origin, self.mission)
+            or (self.refusal(origin) if commands else None)
+            or (self.refusal(origin, navigation=True) if navigates else None)
+        )
+
+
+def _refusal(origin: Origin, accepted: frozenset[str]) -> str | None:
+    """Return why an asker is not among those who are accepted; None when he is."""
+    if origin.source_type in accepted:
+        return None
+    if origin.way is Transport.MISSION or (origin.way is Transport.BUS and origin.source_type is None):
+        return None
+    given = "no source_type" if origin.source_type is None else f"source_type {origin.source_type!r}"
+    return f"{given}; this robot obeys {', '.join(sorted(accepted)) or 'nobody'}"

@@ -32,6 +32,7 @@ from fleet.wire.rules import Kind
 from fleet.wire.stops import EMERGENCY
 
 ANSWER_WITHIN = 120.0  # s; the worker's own command time-outs are shorter
+END_WITHIN = 3600.0  # s; of a long way the worker tells the end later
 SILENT_AFTER = 3.0  # s without a state after which the worker's word no longer counts
 AGAIN = 0.5  # s between two stops that are put again for a worker that does not say that it is stopped
 
@@ -217,7 +218,7 @@ class RemoteRobot:
         self._control.ask_later(
             keys.command(self._edge, self.name),
             payload,
-            timeout=ANSWER_WITHIN,
+            timeout=END_WITHIN if "wait" in parameters else ANSWER_WITHIN,
             parameters=parameters,
             on_answer=on_answer,
             on_end=on_end,

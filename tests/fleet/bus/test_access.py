@@ -42,6 +42,8 @@ PUT = {
     "fleet/yard/held": {"hub"},
     f"cw/{OURS}/data/streams/front": {"planner", "arms", "hub"},
     "fleet/yard/health": {"hub"},
+    "fleet/yard/runs/3f2a": {"hub"},
+    "fleet/barn/runs/3f2a": {"barn", "hub"},
     "fleet/barn/health": {"barn", "hub"},
     "fleet/barn/robots/max/state": {"barn", "hub"},
     "fleet/yard/stop": {*ROLES, STRANGER},
@@ -70,6 +72,8 @@ ASK = {
     "fleet/yard/robots/rex/video": {"arms", "hub"},
     "fleet/yard/history": {"desk", "hub"},
     "fleet/yard/schedules": {"desk", "hub"},
+    "fleet/yard/missions/patrol": {"desk", "hub"},
+    "fleet/yard/runs/3f2a": {"desk", "hub"},
     "fleet/yard/robots/rex/description": set(ROLES),
     "fleet/yard/elsewhere": {"hub"},
 }
@@ -79,6 +83,8 @@ ANSWER = {
     "fleet/yard/robots/max/prepare": {"arms", "hub"},
     "fleet/yard/starts": {"arms", "hub"},
     "fleet/yard/history": {"arms", "hub"},
+    "fleet/yard/missions/patrol": {"hub"},
+    "fleet/yard/runs/3f2a": {"hub"},
     "fleet/yard/robots/max/description": {"arms", "hub"},
     "fleet/yard/health": {"hub"},
     "fleet/barn/health": {"barn", "hub"},
@@ -269,6 +275,7 @@ def test_every_key_of_the_fleet_is_given_to_somebody_or_kept():
     decided = {"edge", "robot", "claim", "claims", "command", "holders", "places", "state", "worker"}
     decided |= {"heartbeat", "halt", "health", "stop", "held", "video", "history", "description"}
     decided |= {"prepare", "starts", "starting", "schedules"}
+    decided |= {"mission", "run"}
     assert {name for name, _ in inspect.getmembers(keys, inspect.isfunction)} == decided
 
 

@@ -5,6 +5,7 @@ import json
 import pytest
 
 from fleet.cli.demo import TRIES, _welcome, demo_file, twin_of
+from fleet.config.load import load
 
 
 class Notes:
@@ -67,3 +68,18 @@ def test_a_second_demo_is_told_a_free_name(fleet, spawn_edge):
     result = fleet("demo")
     assert result.code == 1
     assert "start another demo beside it with --edge-id demo-3" in result.err
+
+
+@pytest.mark.parametrize(("drones", "ugvs", "dogs"), [(1, 1, 0), (1, 0, 0), (0, 1, 1), (2, 3, 1)])
+def test_the_mission_of_the_demo_is_valid_for_the_robots_that_are_there(tmp_path, drones, ugvs, dogs):
+    file = tmp_path / "fleet.yaml"
+    file.write_text(demo_file(drones, "127.0.0.1", 1883, ugvs=ugvs, dogs=dogs))
+    (mission,) = load(file).missions
+    assert mission.name == "patrol"
+    assert mission.program({}).steps
+
+
+def test_the_demo_offers_its_mission():
+    notes = Notes()
+    _welcome(notes, "127.0.0.1", 1883, TRIES[:1])
+    assert any(line.endswith("mission run patrol") for line in notes.lines)

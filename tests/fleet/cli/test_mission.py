@@ -1,81 +1,147 @@
 import json
+import threading
 
+import msgspec
 import pytest
 
-from fleet.model.command import Reply, ReplyStatus
+from fleet.bus import keys
+from fleet.missions.report import AskedNow, Controlled, MissionState, RunRobot, RunState, Started
 
+MISSION = """
+version: 1
+roles: {eye: {}}
+steps: [{id: up, do: {eye: takeoff}}]
+"""
 PLAN = {"contract": "aerial.mission.v1", "name": "field", "items": [{"type": "return_to_launch"}]}
-TAKEN = Reply("start", ReplyStatus.ACCEPTED)
-DONE = Reply("start", ReplyStatus.ACCEPTED, done=True)
+PLAN["items"].insert(0, {"type": "waypoint", "latitude": 47.3, "longitude": 8.5, "altitude_m": 5})
+
+
+def state(**fields):
+    robots = (RunRobot("kestrel", "eye", "takeoff"),)
+    return RunState("3f2a", "yard-1", "patrol", "step", "up.1", 1000.0, robots=robots, **fields)
+
+
+class Missions:
+    """Plays the part of an edge that knows missions and runs."""
+
+    def __init__(self, edge):
+        self.asked = []
+        self.runs = [state()]
+        self.started = Started("3f2a", {"eye": ["kestrel"]})
+        self.refusal = ""
+        control = edge._control
+        control.answer(keys.mission("yard-1", "*"), self._mission)
+        control.answer(keys.run("yard-1", "*"), self._run)
+        self.looked = threading.Event()
+
+    def _mission(self, question):
+        name = question.asked.rpartition("/")[2]
+        if question.parameters.get("do") == "start":
+            self.asked.append(json.loads(question.payload))
+            question.reply(msgspec.json.encode(self.started), keys.mission("yard-1", name))
+        elif name in ("*", "patrol"):
+            known = MissionState("patrol", "yard-1", "round", {"height": "number m"}, {"eye": "1"}, ("up",))
+            question.reply(msgspec.json.encode(known), keys.mission("yard-1", "patrol"))
+        question.close()
+
+    def _run(self, question):
+        if question.payload:
+            self.asked.append(json.loads(question.payload))
+            question.reply(msgspec.json.encode(Controlled(self.refusal)), keys.run("yard-1", "3f2a"))
+        else:
+            for each in self.runs:
+                question.reply(msgspec.json.encode(each), keys.run("yard-1", each.run))
+        question.close()
 
 
 @pytest.fixture
-def kestrel(play_edge):
-    """Play an edge with one robot, which is at the second item of a mission."""
-    doing = "mission, item 2 of 3, 33 %"
-    robots = {
-        "kestrel": {"health": "ok", "activity": doing, "last_command": "takeoff", "last_outcome": "done"}
-    }
-    return play_edge("yard-1", robots=robots)
+def yard(play_edge):
+    return Missions(play_edge("yard-1", robots={"kestrel": {"health": "ok"}}))
 
 
-@pytest.fixture
-def plan(place):
-    path = place / "field.json"
-    path.write_text(json.dumps(PLAN))
-    return str(path)
+@pytest.mark.parametrize(
+    ("outcome", "code"),
+    [("completed", 0), ("completed_with_losses", 7), ("failed", 8), ("aborted", 8), ("unknown", 9)],
+)
+def test_a_mission_is_started_and_followed_to_its_end(fleet, yard, outcome, code):
+    yard.runs = [state(outcome=outcome)]
+    result = fleet("mission", "run", "patrol", "height=7", "--json")
+    assert (result.code, result.json["outcome"]) == (code, outcome)
+    fill, start = yard.asked
+    assert (fill["only_fill"], start.get("only_fill")) == (True, None)
+    assert (start["inputs"], start["robots"]) == ({"height": 7}, {"eye": ["kestrel"]})
+    assert "eye: kestrel" in result.err
 
 
-def test_a_mission_file_is_given_to_the_robot(fleet, kestrel, plan):
-    asked = kestrel.answers("kestrel", TAKEN)
-    result = fleet("mission", "kestrel", "start", plan)
-    assert (result.code, result.out) == (0, "kestrel: start accepted\n")
-    message = json.loads(asked[0].payload)
-    assert (message["command"], message["mission"]) == ("start", PLAN)
-    assert message["mission_execution_uuid"]
-    assert asked[0].parameters == {"kind": "mission", "wait": "0"}
+def test_a_mission_that_is_refused_moves_nobody(fleet, yard):
+    yard.started = Started(refusal="role eye needs 1, 0 can: kestrel: it is offline")
+    result = fleet("mission", "run", "patrol")
+    assert (result.code, len(yard.asked)) == (5, 1)
+    assert "role eye needs 1" in result.err
 
 
-def test_a_mission_that_is_waited_for_is_followed_by_item(fleet, kestrel, plan, monkeypatch):
-    monkeypatch.setattr("fleet.cli.mission._LOOK", 0.01)
-    kestrel.answers_late("kestrel", TAKEN, DONE)
-    result = fleet("mission", "kestrel", "start", plan, "--wait")
-    assert (result.code, result.out.splitlines()[-1]) == (0, "kestrel: start done")
-    assert result.err == "kestrel: mission, item 2 of 3, 33 %\n"
+def test_a_mission_file_is_checked_here_and_sent_whole(fleet, yard, place):
+    (place / "patrol.yaml").write_text(MISSION)
+    assert fleet("mission", "run", "patrol.yaml", "--robot", "kestrel", "--detach").code == 0
+    assert yard.asked[0]["mission"]["steps"] == [{"id": "up", "do": {"eye": "takeoff"}}]
+    assert yard.asked[0]["robots"] == {"eye": ["kestrel"]}
+    (place / "patrol.yaml").write_text(MISSION.replace("takeoff", "7"))
+    result = fleet("mission", "run", "patrol.yaml")
+    assert result.code == 3
+    assert "patrol.yaml:4:" in result.err
 
 
-def test_what_is_no_json_is_refused_before_the_robot_hears_of_it(fleet, kestrel, place):
-    asked = kestrel.answers("kestrel", TAKEN)
+def test_a_plan_is_flown_by_one_aircraft(fleet, yard, place):
+    (place / "field.json").write_text(json.dumps(PLAN))
+    assert fleet("mission", "run", "field.json").code == 2
+    assert fleet("mission", "run", "field.json", "--robot", "kestrel", "--detach").code == 0
+    (step,) = yard.asked[0]["mission"]["steps"]
+    assert step["do"]["pilot"]["plan"] == PLAN
     (place / "field.json").write_text("{")
-    result = fleet("mission", "kestrel", "start", "field.json")
+    assert fleet("mission", "run", "field.json", "--robot", "kestrel").code == 5
+
+
+def test_a_file_is_checked_without_an_edge(fleet, place):
+    (place / "patrol.yaml").write_text(MISSION)
+    assert fleet("mission", "check", "patrol.yaml").code == 0
+    (place / "patrol.yaml").write_text(MISSION.replace("eye: takeoff", "eyes: takeoff"))
+    result = fleet("mission", "check", "patrol.yaml")
+    assert result.code == 3
+    assert (
+        "there is no role 'eyes' (did you mean 'eye'?)" in result.err.replace("\n", " ")
+        or "eyes" in result.err
+    )
+
+
+def test_missions_and_runs_are_shown(fleet, yard):
+    yard.runs = [state(question=AskedNow(2, "Go on?", 30.0, "abort"))]
+    assert "patrol" in fleet("mission", "ls").out
+    assert "1. up" in fleet("mission", "show", "patrol").out
+    shown = fleet("mission", "ps").out
+    assert "asks: Go on? [30 s, else abort]" in shown
+    assert "kestrel (eye): takeoff" in shown
+    assert fleet("mission", "show", "patroll").code == 5
+
+
+@pytest.mark.parametrize("word", ["pause", "resume", "abort"])
+def test_the_only_run_under_way_is_meant(fleet, yard, word):
+    assert fleet("mission", word).code == 0
+    assert yard.asked[0]["do"] == word
+    yard.refusal = "not possible while it is paused"
+    result = fleet("mission", word, "3f")
+    assert (result.code, "run 3f2a: not possible" in result.err) == (5, True)
+
+
+def test_a_question_is_answered_by_its_number(fleet, yard):
+    yard.runs = [state(question=AskedNow(2, "Go on?", 30.0, "abort"))]
+    assert fleet("mission", "answer", "continue").code == 0
+    assert (yard.asked[0]["question"], yard.asked[0]["goes_on"]) == (2, True)
+
+
+def test_of_several_runs_one_must_be_named(fleet, yard):
+    yard.runs = [state(), msgspec.structs.replace(state(), run="77aa")]
+    result = fleet("mission", "abort")
     assert result.code == 5
-    assert result.err.startswith("fleet: field.json is no JSON: ")
-    assert asked == []
-
-
-@pytest.mark.parametrize("name", ["pause", "resume", "cancel"])
-def test_a_control_is_sent_and_its_end_waited_for(fleet, kestrel, name):
-    asked = kestrel.answers(
-        "kestrel", Reply(name, ReplyStatus.ACCEPTED), Reply(name, ReplyStatus.ACCEPTED, done=True)
-    )
-    result = fleet("mission", "kestrel", name)
-    assert (result.code, result.out.splitlines()[-1]) == (0, f"kestrel: {name} done")
-    assert asked[0].parameters == {"kind": "mission", "wait": "1"}
-    assert json.loads(asked[0].payload)["command"] == name
-
-
-def test_clearing_is_a_command(fleet, kestrel):
-    asked = kestrel.answers("kestrel", Reply("clear_mission", ReplyStatus.DENIED, "it is flown"))
-    assert fleet("mission", "kestrel", "clear").code == 5
-    assert json.loads(asked[0].payload)["command"] == "clear_mission"
-    assert asked[0].parameters["kind"] == "command"
-
-
-def test_how_far_it_is_is_shown(fleet, kestrel):
-    result = fleet("mission", "kestrel", "status")
-    assert (result.code, result.out) == (
-        0,
-        "kestrel: mission, item 2 of 3, 33 %\nkestrel: last command takeoff: done\n",
-    )
-    said = fleet("mission", "kestrel", "status", "--json").json
-    assert said["doing"] == "mission, item 2 of 3, 33 %"
+    assert "name one" in result.err
+    yard.runs = []
+    assert fleet("mission", "abort").code == 5

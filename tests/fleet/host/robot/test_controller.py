@@ -922,3 +922,53 @@ async def test_a_stop_says_that_it_was_written_only_where_it_could_be(make_bench
     bench.controller.detach("the device is gone")
     (answer,) = bench.ask(asks.command("stop"))
     assert answer.reason.endswith("the stop was not written: no link to it is open")
+
+
+async def test_a_robot_in_a_run_obeys_nobody_elses_motion(bench, asks):
+    bench.ask(asks.command("join_run", data={"run": "3f2a"}, session="run 3f2a"))
+    refused = bench.ask(asks.command("takeoff", session="anna")) + bench.ask(asks.setpoint(session="anna"))
+    refused += bench.ask(asks.goal("a1", session="anna"))
+    await asks.settle()
+    assert bench.puppet.told == []
+    assert {answer.reason for answer in refused} == {"it is in run 3f2a; fleet take takes it out of the run"}
+    bench.ask(asks.command("takeoff", session="run 3f2a"))
+    await asks.settle()
+    assert bench.puppet.told == [("takeoff", None)]
+
+
+@pytest.mark.parametrize("name", ["stop", "emergency_stop", "land", "take"])
+async def test_what_takes_a_robot_out_of_its_run_keeps_the_run_from_it(bench, asks, name):
+    bench.ask(asks.command("join_run", data={"run": "3f2a"}, session="run 3f2a"))
+    bench.ask(asks.command(name, session="anna"))
+    await asks.settle()
+    assert bench.controller.lease.run == ""
+    assert "anna" in bench.controller.lease.left
+    bench.puppet.told.clear()
+    late = bench.ask(asks.command("takeoff", session="run 3f2a"))
+    late += bench.ask(asks.command("land", session="run 3f2a"))
+    await asks.settle()
+    assert bench.puppet.told == []
+    assert statuses(late) == [REJECTED, REJECTED]
+
+
+async def test_a_run_that_stops_its_own_robot_keeps_it(bench, asks):
+    bench.ask(asks.command("join_run", data={"run": "3f2a"}, session="run 3f2a"))
+    bench.ask(asks.command("stop", session="run 3f2a"))
+    await asks.settle()
+    assert bench.controller.lease.run == "3f2a"
+    bench.ask(asks.command("leave_run", data={"run": "other"}, session="run other"))
+    assert bench.controller.lease.run == "3f2a"
+    bench.ask(asks.command("leave_run", data={"run": "3f2a"}, session="run 3f2a"))
+    assert bench.controller.lease.run == ""
+
+
+async def test_a_robot_that_somebody_drives_joins_no_run(bench, asks):
+    bench.ask(asks.setpoint(session="anna"))
+    (answer,) = bench.ask(asks.command("join_run", data={"run": "3f2a"}, session="run 3f2a"))
+    assert "anna has control" in answer.reason
+
+
+async def test_a_pilot_takes_a_robot_out_of_its_run(bench, asks):
+    bench.ask(asks.command("join_run", data={"run": "3f2a"}, session="run 3f2a"))
+    bench.controller.authority_lost("pilot")
+    assert bench.controller.lease.left == "taken: authority lost: pilot"

@@ -14,7 +14,7 @@ def test_the_one_who_moves_the_robot_keeps_it_for_a_while():
 def test_a_freed_lease_is_anybodys():
     lease = ControlLease(3.0)
     lease.take("anna", 0.0)
-    lease.free()
+    lease.free("gone")
     assert lease.refusal("bert", 0.0) is None
 
 

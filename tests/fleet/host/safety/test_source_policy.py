@@ -42,3 +42,27 @@ def test_a_local_program_needs_no_source_type_but_a_wrong_one_is_refused():
 def test_a_refusal_names_what_was_given_and_what_is_obeyed():
     refusal = SourcePolicy(Accepts(), simulated=False).refusal(Origin(Transport.CLOUD, "edit"))
     assert refusal == "source_type 'edit'; this robot obeys tele"
+
+
+@pytest.mark.parametrize(
+    ("accepts", "origin", "allowed"),
+    [
+        (Accepts(), Origin(Transport.BUS), True),
+        (Accepts(), Origin(Transport.CLOUD), False),
+        (Accepts(), Origin(Transport.CLOUD, "tele"), False),
+        (Accepts(mission=frozenset({"tele"})), Origin(Transport.CLOUD, "tele"), True),
+        (Accepts(mission=frozenset({"edit"})), Origin(Transport.CLOUD, "edit"), False),
+        (Accepts(mission=frozenset({"edge"})), Origin(Transport.CLOUD, "edge"), False),
+    ],
+)
+def test_a_mission_gives_nobody_rights(accepts, origin, allowed):
+    policy = SourcePolicy(accepts, simulated=False)
+    refusal = policy.mission_refusal(origin, commands=True, navigates=True)
+    assert (refusal is None) is allowed
+
+
+def test_who_may_only_lead_a_robot_may_start_what_only_leads_it():
+    policy = SourcePolicy(Accepts(mission=frozenset({"edge"})), simulated=False)
+    asker = Origin(Transport.CLOUD, "edge")
+    assert policy.mission_refusal(asker, commands=False, navigates=True) is None
+    assert policy.mission_refusal(asker, commands=True, navigates=True) is not None

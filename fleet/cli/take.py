@@ -1,0 +1,20 @@
+"""``fleet take``: taking a robot out of the run of a mission."""
+
+from __future__ import annotations
+
+import click
+
+from fleet.cli.completion import ROBOT
+from fleet.cli.options import reach_option
+from fleet.cli.output import ExitCode, Output, with_output
+from fleet.cli.send import RECEIPT_WITHIN, ask
+
+
+@click.command()
+@click.argument("robot", type=ROBOT)
+@reach_option
+@with_output
+def take(out: Output, robot: str, *, file: str | None) -> ExitCode:
+    """Take ROBOT out of the run that has it; it stops, and the run goes on without it or ends."""
+    message = {"command": "take", "data": {}}
+    return ask(out, robot, "command", message, wait=True, timeout=RECEIPT_WITHIN, file=file)

@@ -1,0 +1,334 @@
+"""Missions of fleet.yaml and of files, checked: every problem with file, line and column.
+
+The models say what may stand where; what can only be seen by looking at several parts at once (roles that
+nobody declared, a step whose name stands twice, a plan file that is missing) is checked here.
+"""
+
+from __future__ import annotations
+
+import json
+import pathlib
+from collections.abc import Collection, Iterator, Mapping
+from typing import Any
+
+import msgspec
+
+from fleet.config.explain import validated
+from fleet.config.problems import InvalidConfig, Path
+from fleet.config.text import nearest
+from fleet.config.yaml import Document, read
+from fleet.errors import Refused, WireError
+from fleet.missions.compile import compiled, is_for_each
+from fleet.missions.model import (
+    ALL,
+    DEEPEST,
+    NEVER_REPEATED,
+    ActConfig,
+    ConditionConfig,
+    InputConfig,
+    MissionConfig,
+    StepConfig,
+    normalised,
+)
+from fleet.missions.plan import plan_in
+from fleet.missions.program import Program
+
+LARGEST = 1 << 20  # bytes of a plan file
+
+
+class Mission(msgspec.Struct, frozen=True):
+    """A mission that was checked.
+
+    ``data`` is what it says, with the content of its files; ``config`` has samples for inputs.
+    """
+
+    name: str
+    data: dict[str, Any]
+    config: MissionConfig
+
+    def program(self, given: Mapping[str, Any]) -> Program:
+        """Return the program for values of its inputs; raises Refused naming what is wrong with them."""
+        values = _values(self.config.inputs, given)
+        filled = normalised(self.data, values)
+        try:
+            mission = MissionConfig.model_validate_json(json.dumps(filled), strict=True)
+        except ValueError as error:
+            first = str(error).splitlines()
+            raise Refused(f"{self.name}: {' '.join(first[1:3])}") from None
+        return compiled(self.name, mission)
+
+
+class Known(msgspec.Struct, frozen=True):
+    """What a mission may name: robots and groups, places. None where the fleet is not known."""
+
+    names: Collection[str] | None = None
+    places: Collection[str] | None = None
+
+
+def read_mission(path: pathlib.Path, environ: Mapping[str, str], known: Known) -> Mission:
+    """Return the mission of a file; raises InvalidConfig with every problem."""
+    document = read(path, environ)
+    mission = checked_mission(path.stem, (), document, path.parent, known)
+    if mission is None or document.problems:
+        raise InvalidConfig(document.problems)
+    return mission
+
+
+def mission_of(name: str, data: Any) -> Mission:
+    """Return a mission that came over the bus, its files in it; raises InvalidConfig."""
+    document = read_data(data)
+    mission = checked_mission(name, (), document, None, Known())
+    if mission is None or document.problems:
+        raise InvalidConfig(document.problems)
+    return mission
+
+
+def read_data(data: Any) -> Document:
+    """Return a document of data that stands in no file: its places are all the beginning."""
+    from fleet.config.problems import Mark  # noqa: PLC0415
+
+    document = Document(data=data)
+
+    def note(value: Any, at: Path) -> None:
+        document.marks[at] = document.keys[at] = Mark("mission", 1, 1, at)
+        parts = (
+            value.items() if isinstance(value, dict) else enumerate(value if isinstance(value, list) else ())
+        )
+        for step, part in parts:
+            note(part, (*at, step))
+
+    note(data, ())
+    return document
+
+
+def check_missions(
+    data: Mapping[str, Any], document: Document, folder: pathlib.Path, known: Known
+) -> list[Mission]:
+    """Return the missions of a fleet file that can be used; the problems of all are reported."""
+    listed = data.get("missions")
+    found = []
+    for name, mission in listed.items() if isinstance(listed, dict) else ():
+        at = ("missions", name)
+        base = pathlib.Path(document.marks[at].file).parent if at in document.marks else folder
+        if mission is not None:
+            found.append(checked_mission(name, at, document, base, known))
+    return [mission for mission in found if mission is not None]
+
+
+def checked_mission(
+    name: str, at: Path, document: Document, folder: pathlib.Path | None, known: Known
+) -> Mission | None:
+    """Check the mission that stands at a path; None after reporting why it cannot be used.
+
+    ``folder`` is what its files are relative to; None: it has none.
+    """
+    data = document.data
+    for step in at:
+        data = data[step]
+    samples = _samples(data)
+    config = validated(MissionConfig, normalised(data, samples), at, document, {"folder": folder})
+    if config is None:
+        return None
+    check = _Check(config, at, document, known)
+    check.inputs(data, at)
+    check.all()
+    if folder is not None:
+        data = _with_files(data, at, document, folder)
+    return Mission(name, data, config)
+
+
+class _Check:
+    """Looks at one mission as a whole."""
+
+    def __init__(self, mission: MissionConfig, at: Path, document: Document, known: Known) -> None:
+        self._mission = mission
+        self._at = at
+        self._document = document
+        self._known = known
+        self._ids: set[str] = set()
+
+    def report(self, path: Path, message: str, hint: str = "") -> None:
+        """Report a problem at the nearest place that the file has."""
+        while path and path not in self._document.marks:
+            path = path[:-1]
+        self._document.report(self._document.marks[path], message, hint)
+
+    def inputs(self, value: Any, at: Path) -> None:
+        """Report inputs that are used and not declared."""
+        if isinstance(value, dict):
+            if set(value) == {"input"} and value["input"] not in self._mission.inputs:
+                hint = nearest(str(value["input"]), self._mission.inputs) or "declare it under inputs:"
+                self.report(at, f"there is no input {value['input']!r}", hint)
+            for key, each in value.items():
+                self.inputs(each, (*at, key))
+        elif isinstance(value, list):
+            for index, each in enumerate(value):
+                self.inputs(each, (*at, index))
+
+    def all(self) -> None:
+        """Check roles, quorum, places and every step."""
+        mission = self._mission
+        for name, role in mission.roles.items():
+            where = (*self._at, "roles", name)
+            if name == ALL:
+                self.report(where, "all is every role together", "give the role another name")
+            if self._known.names is not None and role.from_ and role.from_ not in self._known.names:
+                hint = nearest(role.from_, self._known.names) or f"known are {', '.join(self._known.names)}"
+                self.report((*where, "from"), f"there is no robot or group {role.from_!r}", hint)
+        for name, least in mission.quorum.items():
+            where = (*self._at, "quorum", name)
+            if name not in mission.roles:
+                self._no_role(where, name)
+            elif not 0 <= least <= mission.roles[name].count.max:
+                self.report(
+                    where, f"must be 0 to {mission.roles[name].count.max}, the most that fill the role"
+                )
+        for index, place in enumerate(mission.occupies):
+            self._place(place, (*self._at, "occupies", index))
+        self._not_a_repeated(mission.on_abort, (*self._at, "on_abort"))
+        self._steps(mission.steps, (*self._at, "steps"), 0)
+
+    def _no_role(self, where: Path, name: str) -> None:
+        """Report a role that nobody declared."""
+        hint = (
+            nearest(name, [*self._mission.roles, ALL]) or f"roles are {', '.join(self._mission.roles)}, all"
+        )
+        self.report(where, f"there is no role {name!r}", hint)
+
+    def _place(self, name: str, where: Path) -> None:
+        """Report a place that fleet.yaml does not have."""
+        if self._known.places is not None and name not in self._known.places:
+            hint = nearest(name, self._known.places) or "places are declared under places: in fleet.yaml"
+            self.report(where, f"there is no place {name!r}", hint)
+
+    def _not_a_repeated(self, command: str, where: Path) -> None:
+        """Report a command that begins something, where something is to end."""
+        if command in NEVER_REPEATED:
+            self.report(where, f"{command} makes nothing safer", "hold, land or return_to_home")
+
+    def _steps(self, steps: list[StepConfig], at: Path, depth: int) -> None:
+        """Check steps and those that they repeat."""
+        if depth > DEEPEST:
+            self.report(at, f"repeats stand within each other more than {DEEPEST} deep")
+            return
+        for index, step in enumerate(steps):
+            where = (*at, index)
+            if step.id in self._ids:
+                self.report((*where, "id"), f"there is another step {step.id!r}", "give it a name of its own")
+            self._ids.add(step.id)
+            self._step(step, where)
+            if step.repeat is not None:
+                self._condition(step.repeat.until, (*where, "repeat", "until"))
+                self._steps(step.repeat.steps, (*where, "repeat", "steps"), depth + 1)
+
+    def _step(self, step: StepConfig, where: Path) -> None:
+        """Check one step."""
+        self._condition(step.if_, (*where, "if"))
+        self._condition(step.wait_for, (*where, "wait_for"))
+        for key, acts in (("do", step.do or {}), ("undo", step.undo)):
+            for role, act in acts.items():
+                self._role(role, (*where, key, role))
+                self._act(act, role, (*where, key, role))
+        if step.do is not None and step.finish not in {"all", "any", *step.do}:
+            self._no_role((*where, "finish"), step.finish)
+        self._not_a_repeated(step.robot_failed.do, (*where, "robot_failed", "do"))
+
+    def _role(self, name: str, where: Path) -> None:
+        """Check that a role is declared."""
+        if name != ALL and name not in self._mission.roles:
+            self._no_role(where, name)
+
+    def _condition(self, condition: ConditionConfig | None, where: Path) -> None:
+        """Check whose condition it is."""
+        if condition is not None:
+            self._role(condition.role, (*where, "role"))
+
+    def _act(self, act: ActConfig, role: str, where: Path) -> None:
+        """Check what one role does."""
+        if act.verb == "mission":
+            self.report(
+                (*where, "mission"), "missions within missions are not carried out yet", "write its steps"
+            )
+        if act.path is not None and not all(isinstance(each, list) for each in act.path):
+            self.report((*where, "path"), "a path is not read from a file yet", "write [[x, y], [x, y]]")
+        if isinstance(act.goto, str):
+            self._place(act.goto, (*where, "goto"))
+        value = getattr(act, act.verb)
+        if is_for_each(act.verb, value) and role in self._mission.roles:
+            most = self._mission.roles[role].count.max
+            if len(value) not in (1, most):
+                self.report(
+                    (*where, act.verb), f"{len(value)} files for {most} robots", "one, or one for each"
+                )
+
+
+def _values(inputs: Mapping[str, InputConfig], given: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the values of all inputs; raises Refused for what is unknown, missing or out of bounds."""
+    for name in given:
+        if name not in inputs:
+            hint = nearest(name, inputs) or f"it takes {', '.join(inputs) or 'none'}"
+            raise Refused(f"there is no input {name!r}", hint=hint)
+    values = {}
+    for name, each in inputs.items():
+        value = given.get(name, each.default)
+        trouble = "must be given" if value is None else each.trouble(value)
+        if trouble:
+            raise Refused(f"input {name}: {trouble}")
+        values[name] = value
+    return values
+
+
+def _samples(data: Any) -> dict[str, Any]:
+    """Return a sample of each input that is declared well enough."""
+    inputs = data.get("inputs") if isinstance(data, dict) else None
+    found = {}
+    for name, each in inputs.items() if isinstance(inputs, dict) else ():
+        try:
+            found[name] = InputConfig.model_validate(each).sample
+        except ValueError:
+            continue
+    return found
+
+
+def _with_files(data: Any, at: Path, document: Document, folder: pathlib.Path) -> Any:
+    """Return a mission's data with the content of its files in the place of their names."""
+    if isinstance(data, dict):
+        return {
+            key: _read_in(value, (*at, key), document, folder)
+            if key == "plan" and isinstance(value, str | list)
+            else _with_files(value, (*at, key), document, folder)
+            for key, value in data.items()
+        }
+    if isinstance(data, list):
+        return [_with_files(each, (*at, index), document, folder) for index, each in enumerate(data)]
+    return data
+
+
+def _read_in(value: Any, at: Path, document: Document, folder: pathlib.Path) -> Any:
+    """Return the plan in a file, or in each of several; None after reporting why it cannot be read."""
+    if isinstance(value, list):
+        return [_read_in(each, (*at, index), document, folder) for index, each in enumerate(value)]
+    try:
+        return plan_in(_bytes_of(folder / value))
+    except (OSError, WireError) as error:
+        why = error.strerror if isinstance(error, OSError) else str(error)
+        document.report(document.marks[at], f"{value}: {why}")
+        return None
+
+
+def _bytes_of(path: pathlib.Path) -> bytes:
+    """Read a file; raises OSError, WireError for one that is too large."""
+    with path.open("rb") as file:
+        data = file.read(LARGEST + 1)
+    if len(data) > LARGEST:
+        raise WireError(f"is larger than {LARGEST >> 20} MiB")
+    return data
+
+
+def uses_inputs(data: Any) -> Iterator[str]:
+    """Yield the inputs that some data uses."""
+    if isinstance(data, dict) and set(data) == {"input"}:
+        yield str(data["input"])
+    elif isinstance(data, dict | list):
+        for each in data.values() if isinstance(data, dict) else data:
+            yield from uses_inputs(each)

@@ -1,0 +1,81 @@
+"""The robots of an edge as runs of missions need them, here and in workers, and what they can."""
+
+from __future__ import annotations
+
+from fleet.errors import WireError
+from fleet.host.robot.dry_run import against
+from fleet.host.robot.local_robot import LocalRobot
+from fleet.host.workers.remote_robot import RemoteRobot
+from fleet.model.command import Command, Request, Transport
+from fleet.model.description import RobotDescription
+from fleet.model.navigation import Navigate
+from fleet.model.state import RobotState
+from fleet.wire.rules import Kind
+
+
+class RobotHere:
+    """A robot of this process, as a run needs it."""
+
+    def __init__(self, robot: LocalRobot) -> None:
+        self._robot = robot
+        self.name = robot.name
+        self.state = robot.state
+        self.describe = robot.describe
+
+    def read(
+        self, kind: Kind, payload: bytes, *, way: Transport, request_id: str = "", waits: bool = False
+    ) -> Request | None:
+        """Read a message; what is returned takes it."""
+        return self._robot.read(kind, payload, way=way, request_id=request_id, waits=waits)
+
+    def would_refuse(self, kind: Kind, payload: bytes, *, way: Transport) -> str:
+        """Return why a message would be refused now; empty when it would be taken."""
+        try:
+            ask = self._robot.ask_of(kind, payload, way=way, request_id="")
+        except WireError as error:
+            return str(error)
+        if not isinstance(ask, Command | Navigate):
+            return ""
+        return against(self._robot.controller, ask, self._robot.spec_of(ask.name))
+
+
+class RobotElsewhere:
+    """A robot in a worker; what it takes is told by its worker."""
+
+    def __init__(self, robot: RemoteRobot) -> None:
+        self._robot = robot
+        self.name = robot.name
+        self.state = robot.state
+
+    def read(
+        self, kind: Kind, payload: bytes, *, way: Transport, request_id: str = "", waits: bool = False
+    ) -> Request | None:
+        """Read a message; what is returned takes it."""
+        return self._robot.read(kind, payload, way=way, request_id=request_id, waits=waits)
+
+    def would_refuse(self, kind: Kind, payload: bytes, *, way: Transport) -> str:  # noqa: ARG002 - the protocol
+        """Return why a message would be refused now, as far as is known here without asking its worker."""
+        state = self.state()
+        if state.emergency_stop:
+            return f"its emergency stop is set: {state.stop_cause}"
+        return "" if state.reachable else f"it is offline: {state.cause}"
+
+
+def can(description: RobotDescription | None) -> frozenset[str]:
+    """Return what a robot takes."""
+    if description is None:
+        return frozenset()
+    more = {"goto": description.goals, "path": description.goals, "plan": description.missions}
+    names = {command.name for command in description.commands}
+    return frozenset(names | {name for name, takes in more.items() if takes})
+
+
+def trouble(state: RobotState, description: RobotDescription | None) -> str:
+    """Return why a robot cannot take part in anything now."""
+    if not state.reachable:
+        return f"it is offline: {state.cause}"
+    if state.emergency_stop:
+        return f"its emergency stop is set: {state.stop_cause}"
+    if state.run:
+        return f"it is in run {state.run}"
+    return "" if description is not None else "its worker does not say what it takes"

@@ -1,0 +1,359 @@
+"""The missions of an edge: its robots, its files and its bus, put together for ``fleet.missions``."""
+
+from __future__ import annotations
+
+import contextlib
+import logging
+import re
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from functools import partial
+from pathlib import Path
+
+import msgspec
+
+from fleet.bus import keys
+from fleet.bus.zenoh_session import Query
+from fleet.config.load import Loaded
+from fleet.config.missions import Mission, mission_of
+from fleet.config.places import places_of
+from fleet.config.problems import InvalidConfig
+from fleet.errors import Refused, WireError
+from fleet.host.edge.mission_robots import RobotElsewhere, RobotHere, can, trouble
+from fleet.host.process.robot_process import RobotProcess
+from fleet.host.requests.stop_cause import StopCause
+from fleet.host.safety.source_policy import SourcePolicy
+from fleet.host.workers.remote_robot import RemoteRobot
+from fleet.missions.program import Program
+from fleet.missions.report import (
+    ControlAsk,
+    Controlled,
+    MissionState,
+    RunState,
+    StartAsk,
+    Started,
+    ended_state,
+)
+from fleet.missions.roles import Candidate
+from fleet.missions.runs import Runs
+from fleet.missions.state import Facts, Head, Member
+from fleet.missions.store import About, Store, Told
+from fleet.model.command import Origin, Transport
+from fleet.model.description import RobotDescription
+from fleet.model.event import EventKind, EventReport, Requester, Severity
+from fleet.model.state import RobotState
+from fleet.runtime.decoding import decode_json
+from fleet.wire.published import object_in
+from fleet.wire.strict import text
+from fleet.wire.topics import data_key
+
+LOOK_EVERY = 0.2  # s
+DESCRIBED_WITHIN = 2.0  # s for workers to say what their robots take
+SHOWN = 50  # runs that ended
+LARGEST = 1 << 20  # bytes of a mission that is sent
+RUN_ID = re.compile(r"[A-Za-z0-9-]{1,40}")
+_encode = msgspec.json.encode
+log = logging.getLogger(__name__)
+
+
+class Missions:
+    """The missions and runs of one edge, on its bus."""
+
+    def __init__(
+        self,
+        loaded: Loaded,
+        process: RobotProcess,
+        elsewhere: Mapping[str, RemoteRobot],
+        folder: Path,
+        stop: Callable[[tuple[str, ...], str], None],
+    ) -> None:
+        config = loaded.config
+        self._edge = config.edge.id
+        self._missions = {mission.name: mission for mission in loaded.missions}
+        self._groups = config.members
+        self._bus_session = process.bus.control
+        self._process = process
+        self._here = {name: RobotHere(robot) for name, robot in process.robots.items()}
+        self._elsewhere = {name: RobotElsewhere(robot) for name, robot in elsewhere.items()}
+        self._recorded: set[str] = set()
+        self._told: dict[str, RobotDescription] = {}
+        self._twins = {robot.name: str(robot.twin) for robot, _ in loaded.robots}
+        self._policies = {
+            robot.name: SourcePolicy(robot.accepts, simulated=robot.simulated) for robot, _ in loaded.robots
+        }
+        self._states = self._bus_session.publishers(keys.run(self._edge, "*"))
+        self._checker = ThreadPoolExecutor(1, thread_name_prefix="fleet-mission-check")
+        self.store = Store(folder)
+        found = places_of(config.places)
+        self.runs = Runs(
+            self._edge,
+            {**self._here, **self._elsewhere},
+            candidates=self._candidates,
+            allowed=self._refusal,
+            places={name: place.at for name, place in found.items() if place.frame == "site"},
+            store=self.store,
+            clock=process.clock,
+            soon=self._soon,
+            stop=stop,
+            told=self._publish,
+        )
+
+        process.on_stop = self.stopped
+
+    def _soon(self, call: Callable[[], None]) -> None:
+        """Run a call on the event loop; from any thread."""
+        self._process.loop.call_soon_threadsafe(call)
+
+    def close(self) -> None:
+        """Start nothing more, and write what waits; may wait."""
+        self._checker.shutdown(cancel_futures=True)
+        self.store.close()
+
+    @property
+    def problem(self) -> str:
+        """Why runs are not recorded, or those of before are lost; empty when all is well."""
+        return self.store.problem or self.store.lost
+
+    def declare(self) -> None:
+        """Take questions, look at the robots, and take up the runs of an earlier process."""
+        self._bus_session.answer(keys.mission(self._edge, "*"), self._asked_mission)
+        self._bus_session.answer(keys.run(self._edge, "*"), self._asked_run)
+        self._hear_events()
+        self.runs.take_up()
+        self._process.scheduler.every(LOOK_EVERY, self.runs.turn)
+
+    def stopped(self, names: tuple[str, ...], cause: StopCause) -> None:
+        """Take note of an emergency stop; from any thread."""
+        self._soon(partial(self.runs.stopped, names, cause.why))
+
+    def _hear_events(self) -> None:
+        """Take what is reported of robots: by their hosts, and by programs on the bus."""
+        tell_others = self._process.history.told
+
+        def told(robot: str, event: EventReport) -> None:
+            tell_others(robot, event)
+            self._event(robot, event.kind.value)
+
+        def published(robot: str, sample: bytes) -> None:
+            with contextlib.suppress(WireError):
+                self._event(robot, text(object_in(sample, EventReport.channel), "event_type"))
+
+        self._process.history.told = told
+        calls = {
+            data_key(twin, EventReport.channel): partial(published, name)
+            for name, twin in self._twins.items()
+        }
+        self._process.bus.reports.subscribe_many(f"cw/*/data/{EventReport.channel}", calls)
+
+    def _event(self, robot: str, event: str) -> None:
+        """Take an event of a robot; from any thread, and for nothing while no run is under way."""
+        if self.runs.any:
+            self._soon(partial(self.runs.heard, robot, event))
+
+    # -- what robots are and may -----------------------------------------------------------------------
+
+    def _candidates(self) -> list[Candidate]:
+        """Return what each robot can and is now."""
+        here = [(robot.state(), robot.describe()) for robot in self._here.values()]
+        elsewhere = [(robot.state(), self._told.get(name)) for name, robot in self._elsewhere.items()]
+        return [self._candidate(state, description) for state, description in (*here, *elsewhere)]
+
+    def _candidate(self, state: RobotState, description: RobotDescription | None) -> Candidate:
+        """Return one robot."""
+        groups = frozenset(name for name, members in self._groups.items() if state.name in members)
+        at = state.site or state.position
+        position = (at.x, at.y, at.z) if at is not None else None
+        facts = Facts(state.name, state.health, state.battery, position, state.activity)
+        return Candidate(
+            state.name, state.adapter, can(description), facts, groups, trouble(state, description)
+        )
+
+    def _refusal(self, robot: str, origin: Origin, commands: bool, navigates: bool) -> str | None:  # noqa: FBT001 - by position
+        """Return why somebody may not start a mission with a robot; None when he may."""
+        return self._policies[robot].mission_refusal(origin, commands=commands, navigates=navigates)
+
+    def _described(self, then: Callable[[], None]) -> None:
+        """Ask workers what their robots take, then go on, on the loop."""
+        waiting = set(self._elsewhere)
+        if not waiting:
+            self._soon(then)
+
+        def told(name: str, data: bytes) -> None:
+            self._told[name] = decode_json(data, RobotDescription)
+
+        def ended(name: str) -> None:
+            waiting.discard(name)
+            if not waiting:
+                self._soon(then)
+
+        for name in sorted(waiting):
+            self._bus_session.ask_later(
+                keys.description(self._edge, name),
+                b"",
+                timeout=DESCRIBED_WITHIN,
+                on_answer=partial(told, name),
+                on_end=partial(self._soon, partial(ended, name)),
+            )
+
+    # -- the bus ---------------------------------------------------------------------------------------
+
+    def _publish(self, state: RunState) -> None:
+        """Tell a run's state to whoever listens; its beginning and its end go into the history."""
+        if state.run not in self._recorded:
+            self._recorded.add(state.run)
+            robots = ", ".join(f"{each.role} {each.robot}" for each in state.robots)
+            how = "started" if state.seconds < 1.0 else "taken up again"
+            self._record(state, EventKind.COMMAND, f"mission {state.mission} {how}: {robots}")
+        if state.outcome:
+            self._recorded.discard(state.run)
+            reason = f": {state.reason}" if state.reason else ""
+            self._record(state, EventKind.OUTCOME, f"mission {state.mission} {state.outcome}{reason}")
+        publisher = self._states.wanted(keys.run(self._edge, state.run))
+        if publisher is not None:
+            publisher.put(_encode(state))
+
+    def _record(self, state: RunState, kind: EventKind, text: str) -> None:
+        """Write an event of a run, with who started it, into the history of the edge."""
+        asker = Requester(Transport.BUS, state.by)
+        severity = Severity.INFO if state.outcome in ("", "completed") else Severity.WARNING
+        event = EventReport(self._process.clock.time(), kind, text, severity, asker, state.mission, state.run)
+        self._process.history.add("", event)
+
+    def _asked_mission(self, question: Query) -> None:
+        """Take a question for a mission; on the bus's thread."""
+        name = question.asked.rpartition("/")[2]
+        if question.parameters.get("do") != "start":
+            for each in self._missions.values():
+                if "*" in name or each.name == name:
+                    question.reply(
+                        _encode(mission_state(each, self._edge)), keys.mission(self._edge, each.name)
+                    )
+            question.close()
+            return
+        try:
+            self._checker.submit(self._check, name, question)
+        except RuntimeError:  # we are closed
+            question.close()
+
+    def _check(self, name: str, question: Query) -> None:
+        """Check what is to be started; on a thread that may take its time, since robots wait for the loop."""
+        try:
+            ask = self._asked(question)
+            mission = self._mission(name, ask)
+            program = mission.program(ask.inputs)
+        except (Refused, InvalidConfig, msgspec.DecodeError) as error:
+            self._tell_started(name, question, "", {}, str(error))
+        except Exception as error:
+            log.exception("mission %s could not be checked", name)
+            self._tell_started(name, question, "", {}, f"{type(error).__name__}; the edge's log says why")
+        else:
+            start = partial(self._start, name, question, ask, mission, program)
+            self._soon(partial(self._described, start))
+
+    def _asked(self, question: Query) -> StartAsk:
+        """Return what is asked; raises Refused, DecodeError."""
+        if "*" in question.asked:
+            raise Refused("a mission is started on one edge", hint="name the edge and the mission")
+        if len(question.payload) > LARGEST:
+            raise Refused(f"the mission is larger than {LARGEST >> 20} MiB")
+        ask = decode_json(question.payload, StartAsk)
+        if ask.run and not RUN_ID.fullmatch(ask.run):
+            raise Refused(f"{ask.run[:40]!a} cannot be the id of a run: letters, digits and -")
+        if ask.run and not ask.only_fill and self.store.knows(ask.run):
+            raise Refused(f"run {ask.run} has ended: a repeat of it is not carried out")
+        return ask
+
+    def _start(self, name: str, question: Query, ask: StartAsk, mission: Mission, program: Program) -> None:
+        """Start a mission, or show who would fill its roles."""
+        tell = partial(self._tell_started, name, question)
+        if not ask.only_fill:
+            self.runs.start(mission, program, ask, Transport.BUS, tell)
+            return
+        try:
+            tell("", self.runs.fill(mission, program, ask), "")
+        except Refused as error:
+            tell("", {}, str(error))
+
+    def _tell_started(
+        self, name: str, question: Query, run: str, roles: Mapping[str, Sequence[str]], refusal: str
+    ) -> None:
+        """Answer who asked."""
+        started = Started(run, {role: list(robots) for role, robots in roles.items()}, refusal)
+        question.reply(_encode(started), keys.mission(self._edge, name))
+        question.close()
+
+    def _mission(self, name: str, ask: StartAsk) -> Mission:
+        """Return the mission that is meant; raises Refused, InvalidConfig."""
+        if ask.mission is not None:
+            return mission_of(name, ask.mission)
+        mission = self._missions.get(name)
+        if mission is None:
+            known = ", ".join(self._missions) or "none"
+            raise Refused(f"there is no mission {name!r}", hint=f"fleet.yaml has {known}")
+        return mission
+
+    def _asked_run(self, question: Query) -> None:
+        """Take a question for a run; on the bus's thread."""
+        self._soon(partial(self._answer_run, question, question.asked.rpartition("/")[2]))
+
+    def _answer_run(self, question: Query, run: str) -> None:
+        """Answer with states, or control a run."""
+        if not question.payload:
+            self._tell_runs(question, run)
+            return
+        try:
+            ask = decode_json(question.payload, ControlAsk)
+        except msgspec.DecodeError as error:
+            question.reply(_encode(Controlled(str(error))), keys.run(self._edge, run))
+            question.close()
+            return
+        if ask.do == "log":
+            self.store.story(run, partial(self._tell_story, question, run))
+            return
+        question.reply(_encode(Controlled(self.runs.control(run, ask))), keys.run(self._edge, run))
+        question.close()
+
+    def _tell_story(self, question: Query, run: str, story: list[Told]) -> None:
+        """Answer with a run's story; none of a run that is another edge's."""
+        if story:
+            question.reply(_encode(story), keys.run(self._edge, run))
+        question.close()
+
+    def _tell_runs(self, question: Query, run: str) -> None:
+        """Answer with the states of runs that are wanted: those under way, then those that ended."""
+        active = self.runs.states()
+        for state in active:
+            if "*" in run or state.run == run:
+                question.reply(_encode(state), keys.run(self._edge, state.run))
+        shown = {state.run for state in active}
+
+        def ended(found: list[tuple[About, Head, list[Member]]]) -> None:
+            for about, head, members in found:
+                if about.run not in shown and ("*" in run or about.run == run):
+                    state = ended_state(about, head, members, self._edge)
+                    question.reply(_encode(state), keys.run(self._edge, about.run))
+            question.close()
+
+        self.store.ended(SHOWN, ended)
+
+
+def mission_state(mission: Mission, edge: str) -> MissionState:
+    """Return what people are shown of a mission."""
+    config = mission.config
+    return MissionState(
+        mission.name,
+        edge,
+        config.summary,
+        {name: _words(each.type, each.unit, each.default) for name, each in config.inputs.items()},
+        {
+            name: f"{role.count.min} to {role.count.max} of {role.from_ or 'any'}"
+            for name, role in config.roles.items()
+        },
+        tuple(step.id for step in config.steps),
+    )
+
+
+def _words(kind: str, unit: str, default: object) -> str:
+    """Return an input in words."""
+    words = f"{kind} {unit}".strip()
+    return words if default is None else f"{words}, {default} when left out"

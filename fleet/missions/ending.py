@@ -1,0 +1,161 @@
+"""How a run ends: failed, aborted, undone. Its robots are held first; what is undone is undone backwards."""
+
+from __future__ import annotations
+
+from fleet.missions.program import Act, Do, Program
+from fleet.missions.run_robots import RunRobots
+from fleet.missions.state import (
+    GOING_ON,
+    NEXT,
+    Begun,
+    EmergencyStop,
+    Ended,
+    Head,
+    Outcome,
+    Part,
+    Phase,
+    RunOutcome,
+    step_name,
+)
+
+ON_ABORT_WITHIN = 300.0  # s for what on_abort says; progress extends it
+
+
+class Ending:
+    """Brings one run to its terminal state. Phases only go forward: see ``state.NEXT``."""
+
+    def __init__(self, program: Program, head: Head, robots: RunRobots) -> None:
+        self._program = program
+        self._head = head
+        self._robots = robots
+
+    def fail(self, reason: str, now: float, *, undoes: bool = True) -> None:
+        """End the run as failed, in the way that the mission says."""
+        if self._head.phase not in GOING_ON:
+            return
+        self._leave_off(RunOutcome.FAILED, reason, now)
+        if self._program.on_failure == "stop":
+            robots = tuple(member.robot for member in self._robots.ours())
+            if robots:
+                self._robots.effects.append(EmergencyStop(robots, reason))
+            for robot in robots:
+                self._robots.lose(robot, Outcome.STOPPED, reason, now)
+        else:
+            self._halt_all(now)
+        undo = undoes and self._program.on_failure == "undo"
+        self._enter(Phase.HALTING if undo else Phase.ENDING)
+        self.look(now)
+
+    def abort(self, reason: str, now: float) -> None:
+        """End the run because a person wants it, in the way that the mission says."""
+        if self._head.phase not in GOING_ON:
+            return
+        self._leave_off(RunOutcome.ABORTED, reason, now)
+        self._enter(Phase.ENDING)
+        if self._program.on_abort == "hold":
+            self._halt_all(now)
+        else:
+            act = Act("command", self._program.on_abort, timeout=ON_ABORT_WITHIN)
+            for member in self._robots.ours():
+                if not self._robots.comes_down(member.robot):
+                    self._robots.begin(self._step, member.robot, act, "abort", now)
+        self.look(now)
+
+    def stopped(self, reason: str, now: float) -> None:
+        """End the run after an emergency stop of several of its robots: those not stopped are held."""
+        self._leave_off(RunOutcome.ABORTED, f"emergency stop: {reason}", now)
+        for part in self._robots.active("undo", "abort", "secure"):
+            if not self._robots.comes_down(part.robot):
+                self._robots.end(part, Outcome.SKIPPED, "the run was stopped", now)
+        self._enter(Phase.ENDING)
+        self._halt_all(now)
+        self.look(now)
+
+    def restarted(self, now: float) -> None:
+        """Go on with an end that a restart interrupted: hold everybody; what was being undone is unknown."""
+        if self._head.phase in (Phase.HALTING, Phase.UNDOING):
+            self._head.target = RunOutcome.UNDO_FAILED
+            self._head.reason += "; the edge restarted while it was undone"
+        self._enter(Phase.ENDING)
+        self._halt_all(now)
+        self.look(now)
+
+    def ended(self, part: Part, now: float) -> None:
+        """Take note that a part of the ending is over."""
+        if part.kind == "undo" and part.outcome is not Outcome.DONE and self._head.phase is Phase.UNDOING:
+            self._head.target = RunOutcome.UNDO_FAILED
+            self._head.reason += f"; {part.robot} could not undo {part.step}: {part.reason}"
+            for each in self._robots.active("undo"):
+                if not self._robots.comes_down(each.robot):
+                    self._robots.end(each, Outcome.SKIPPED, "the undo of another robot failed", now)
+            self._halt_all(now)
+            self._enter(Phase.ENDING)
+        elif part.kind in ("abort", "secure", "do") and part.outcome is not Outcome.DONE:
+            self._robots.halt(part.step, part.robot, now)
+        elif part.kind == "halt" and part.outcome is not Outcome.DONE and self._head.target is not None:
+            self._head.reason += f"; {part.robot} was not seen to stand still: {part.reason}"
+        self.look(now)
+
+    def look(self, now: float) -> None:
+        """Go on once what was begun is over."""
+        if self._head.phase in GOING_ON or self._head.phase is Phase.ENDED or self._robots.active():
+            return
+        if self._head.phase is Phase.ENDING:
+            self.close(self._head.target or RunOutcome.UNKNOWN, self._head.reason)
+            return
+        self._enter(Phase.UNDOING)
+        while self._head.begun and not self._robots.active():
+            self._undo(self._head.begun.pop(), now)
+        if not self._robots.active():
+            self.close(RunOutcome.UNDONE, self._head.reason)
+
+    def close(self, outcome: RunOutcome, reason: str) -> None:
+        """Note the terminal state; nothing follows it."""
+        if self._head.phase is Phase.ENDED:
+            return
+        for part in self._robots.active():
+            self._robots.end(part, Outcome.UNKNOWN, "the run ended", part.began)
+        for member in self._robots.within():
+            member.outcome = Outcome.DONE if outcome.value.startswith("completed") else Outcome.SKIPPED
+            self._robots.touched[f"member {member.robot}"] = member
+        self._head.question = None
+        self._head.outcome, self._head.reason = outcome, reason
+        self._enter(Phase.ENDED)
+        self._robots.note(f"ended: {outcome}" + (f": {reason}" if reason else ""))
+        self._robots.effects.append(Ended(outcome, reason))
+
+    def _undo(self, begun: Begun, now: float) -> None:
+        """Begin what undoes one step, of the robots that are still ours and had begun it."""
+        step = self._program.steps[begun.at]
+        if not isinstance(step, Do) or not step.undo:
+            return
+        had_begun = {part.robot for part in self._robots.parts_of(begun.step)}
+        for member in self._robots.ours():
+            acts = step.undo.get(member.role) or step.undo.get("all")
+            if acts and member.robot in had_begun:
+                self._robots.begin(begun.step, member.robot, acts[member.index % len(acts)], "undo", now)
+
+    def _leave_off(self, target: RunOutcome, reason: str, now: float) -> None:
+        """End what the mission was doing."""
+        self._head.target, self._head.reason, self._head.question = target, reason, None
+        self._robots.note(f"{target}: {reason}", step=self._step)
+        for part in self._robots.active("do"):
+            if not self._robots.comes_down(part.robot):
+                self._robots.end(part, Outcome.SKIPPED, "the run left off", now)
+
+    def _halt_all(self, now: float) -> None:
+        """Bring every robot of ours to a standstill; one that is being made safe is left to it."""
+        secured = {part.robot for part in self._robots.active("secure")}
+        for member in self._robots.ours():
+            if member.robot not in secured:
+                self._robots.halt(self._step, member.robot, now)
+
+    def _enter(self, phase: Phase) -> None:
+        """Go to a phase that may follow; there is no way back."""
+        if phase in NEXT[self._head.phase]:
+            self._head.phase = phase
+
+    @property
+    def _step(self) -> str:
+        """The step that was under way."""
+        return step_name(self._program, self._head)

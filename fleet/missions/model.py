@@ -1,0 +1,332 @@
+"""The grammar of a mission, ``version: 1``: what fleet.yaml and mission files may say.
+
+Closed on purpose: no templates, no expressions, no embedded code, so that a mission can be checked with line
+and column, drawn, rehearsed, and read again after a crash. ``normalised`` brings short forms to their long
+form and puts values in the place of ``{input: NAME}`` before the models see the data.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from typing import Annotated, Any, Literal, Self
+
+from pydantic import BeforeValidator, ConfigDict, Field, model_validator
+
+from fleet.robot_config import Name
+from fleet.yaml_model import Model, wrong
+
+ALL = "all"
+"""In the place of a role: every robot of the run."""
+VERBS = ("command", "goto", "path", "plan", "mission")
+"""What a role may do in a step: exactly one of them."""
+ACTIONS = ("do", "wait", "wait_for", "ask", "repeat")
+"""What a step is: exactly one of them."""
+NEVER_REPEATED = frozenset({"arm", "takeoff", "release", "drop", "kill", "disarm", "grip"})
+"""Commands that are never tried again: nobody knows what the first try did."""
+REPEATABLE = frozenset({"goto", "path"})
+"""Verbs whose repetition leads to the same state."""
+DEEPEST = 3  # repeats within each other
+_DURATION = re.compile(r"(\d+(?:\.\d+)?) ?(s|min|h)")
+_SECONDS = {"s": 1.0, "min": 60.0, "h": 3600.0}
+LONGEST = 86_400.0  # s
+
+
+def _seconds(given: Any) -> Any:
+    """Return the seconds of ``60 s``, ``12 min`` or ``1 h``; anything else as it is."""
+    if not isinstance(given, str):
+        return given
+    match = _DURATION.fullmatch(given.strip())
+    if match is None:
+        raise ValueError(f"{given!r} is no duration: write 60 s, 12 min or 1 h")
+    return float(match[1]) * _SECONDS[match[2]]
+
+
+Duration = Annotated[float, BeforeValidator(_seconds), Field(gt=0, le=LONGEST, allow_inf_nan=False)]
+Percent = Annotated[float, Field(ge=0, le=100, allow_inf_nan=False)]
+Verb = Literal["command", "goto", "path", "plan", "mission"]
+
+
+class _Words(Model):
+    """A model some of whose keys are words of Python."""
+
+    model_config = ConfigDict(serialize_by_alias=True)
+
+
+class InputConfig(Model):
+    """A value that is given when the mission is started; used as a whole: ``{input: NAME}``."""
+
+    type: Literal["number", "integer", "text", "boolean", "place", "robot"] = Field(
+        description="What it is: number, integer, text, boolean, place or robot."
+    )
+    unit: str = Field("", max_length=16, description="Shown to people.")
+    default: float | int | str | bool | None = Field(None, description="Left out: it must be given.")
+    min: float | None = Field(None, description="The least a number may be.")
+    max: float | None = Field(None, description="The most a number may be.")
+
+    @model_validator(mode="after")
+    def _bounded(self) -> Self:
+        if (self.min is not None or self.max is not None) and self.type not in {"number", "integer"}:
+            raise wrong("min" if self.min is not None else "max", "only a number has bounds")
+        if self.min is not None and self.max is not None and self.min > self.max:
+            raise wrong("min", "is more than max")
+        trouble = "" if self.default is None else self.trouble(self.default)
+        if trouble:
+            raise wrong("default", trouble)
+        return self
+
+    def trouble(self, value: Any) -> str:
+        """Return why a value cannot be this input; empty when it can."""
+        kinds: dict[str, tuple[type, ...]] = {"number": (int, float), "integer": (int,), "boolean": (bool,)}
+        allowed = kinds.get(self.type, (str,))
+        if not isinstance(value, allowed) or (isinstance(value, bool) and self.type != "boolean"):
+            return f"must be {self.type}, not {value!r}"
+        if isinstance(value, int | float) and not isinstance(value, bool):
+            if self.min is not None and value < self.min:
+                return f"must be at least {self.min:g}"
+            if self.max is not None and value > self.max:
+                return f"must be at most {self.max:g}"
+        return ""
+
+    @property
+    def sample(self) -> Any:
+        """A value of this type, to check what uses it before it is given."""
+        if self.default is not None:
+            return self.default
+        if self.type in {"number", "integer"}:
+            return next(each for each in (self.min, self.max, 1) if each is not None)
+        return False if self.type == "boolean" else "any"
+
+
+class CountConfig(Model):
+    """How many robots fill a role."""
+
+    min: int = Field(1, ge=1, le=1000, description="Fewer: the mission does not start.")
+    max: int = Field(1000, ge=1, le=1000, description="More are not taken.")
+
+    @model_validator(mode="after")
+    def _ordered(self) -> Self:
+        if self.min > self.max:
+            raise wrong("min", "is more than max")
+        return self
+
+
+class RoleConfig(_Words):
+    """A part in the mission, filled by robots when it starts."""
+
+    from_: Name | None = Field(None, alias="from", description="A group or a robot. Left out: any robot.")
+    kind: Name | None = Field(None, description="Only robots of this adapter.")
+    can: tuple[str, ...] = Field((), description="Commands that they must take; goto, path and plan too.")
+    count: CountConfig = Field(
+        CountConfig(min=1, max=1), description="How many: a number, or {min: 2, max: 4}."
+    )
+
+
+class BatteryConfig(Model):
+    """Bounds on a battery, percent."""
+
+    min: Percent | None = Field(None, description="At least.")
+    max: Percent | None = Field(None, description="At most.")
+
+
+class RequireConfig(Model):
+    """What every robot must have at the start, and before each step that moves it."""
+
+    health: Literal["ok", "degraded"] = Field("degraded", description="At least this well.")
+    battery: BatteryConfig = Field(BatteryConfig(), description="Percent, as in {min: 60}.")
+
+
+class ConditionConfig(Model):
+    """Something that is so, or is not, of the robots of a role: exactly one of battery, health, event."""
+
+    role: Name = Field(description="Whose; all: of every robot.")
+    of: Literal["any", "all"] = Field("any", description="Of how many of them.")
+    battery: BatteryConfig | None = Field(None, description="Percent, as in {max: 40}.")
+    health: Literal["ok", "degraded", "offline", "fault"] | None = Field(None, description="This health.")
+    event: str | None = Field(None, min_length=1, description="An event that was reported since the start.")
+
+    @model_validator(mode="after")
+    def _one(self) -> Self:
+        if sum(each is not None for each in (self.battery, self.health, self.event)) != 1:
+            raise wrong("role", "needs exactly one of battery, health and event")
+        return self
+
+
+class WaitForConfig(ConditionConfig):
+    """Wait until something is so."""
+
+    timeout: Duration = Field(description="How long at the most, as in 10 min.")
+    on_timeout: Literal["continue", "fail"] = Field("fail", description="What happens then.")
+
+
+class AskConfig(Model):
+    """A question to a person; the run waits, also through a restart of the edge."""
+
+    text: str = Field(min_length=1, max_length=500, description="The question.")
+    timeout: Duration = Field(600.0, description="How long the answer is waited for.")
+    on_timeout: Literal["continue", "abort", "fail"] = Field("abort", description="What happens without one.")
+
+
+class ActConfig(_Words):
+    """What one role does in a step: exactly one of command, goto, path, plan, mission."""
+
+    command: str | None = Field(None, min_length=1, max_length=64, description="A command of the robot.")
+    with_: dict[str, Any] = Field({}, alias="with", description="The command's data.")
+    goto: str | list[float] | None = Field(
+        None, description="A place by its name, or [x, y] or [x, y, z] in metres in the site's frame."
+    )
+    path: str | list[Any] | None = Field(
+        None, description="Points [x, y] or [x, y, z] in metres in the site's frame."
+    )
+    plan: str | list[str] | dict[str, Any] | None = Field(
+        None, description="A plan file (.plan, or JSON) that the autopilot flies from its memory."
+    )
+    mission: Name | None = Field(None, description="Another mission, as one step.")
+    speed: float | None = Field(None, gt=0, le=100, description="Limit on the way, m/s.")
+    timeout: Duration | None = Field(None, description="Over that of the step; progress extends it.")
+    retry: int = Field(0, ge=0, le=5, description="Tries after the first, where that can do no harm.")
+
+    @property
+    def verb(self) -> str:
+        """Which of the verbs it is."""
+        return next(verb for verb in VERBS if getattr(self, verb) is not None)
+
+    @model_validator(mode="after")
+    def _one(self) -> Self:
+        said = [verb for verb in VERBS if getattr(self, verb) is not None]
+        if len(said) != 1:
+            raise wrong(said[1] if said else "", f"needs exactly one of {', '.join(VERBS)}")
+        if self.with_ and self.command is None:
+            raise wrong("with", "is the data of a command, and there is none")
+        if self.speed is not None and said[0] not in REPEATABLE:
+            raise wrong("speed", "is said of goto and path")
+        if self.retry and said[0] not in REPEATABLE:
+            name = self.command or said[0]
+            why = " must not be done twice" if name in NEVER_REPEATED else " is not known to bear it"
+            raise wrong("retry", f"is said of goto and path: {name}{why}")
+        return self
+
+
+class RobotFailedConfig(Model):
+    """What happens when a robot fails in a step."""
+
+    do: str = Field("hold", min_length=1, max_length=64, description="hold, or a command such as land.")
+    then: Literal["continue", "wait", "fail"] = Field(
+        "continue",
+        description="Go on while the quorum holds, ask a person, or end the mission as failed.",
+    )
+
+
+class RepeatConfig(Model):
+    """Steps that are carried out again."""
+
+    times: int = Field(ge=1, le=1000, description="How often; with until: how often at the most.")
+    until: ConditionConfig | None = Field(None, description="End once this is so.")
+    steps: list[StepConfig] = Field(min_length=1, max_length=100, description="What is repeated.")
+
+
+class StepConfig(_Words):
+    """One step: exactly one of do, wait, wait_for, ask, repeat."""
+
+    id: Name = Field(description="Its name, once in the mission.")
+    do: dict[Name, ActConfig] | None = Field(None, description="What each role does; all: every robot.")
+    wait: Duration | None = Field(None, description="Wait so long, as in 30 s.")
+    wait_for: WaitForConfig | None = Field(None, description="Wait until something is so.")
+    ask: AskConfig | None = Field(None, description="Ask a person.")
+    repeat: RepeatConfig | None = Field(None, description="Carry out steps several times.")
+    if_: ConditionConfig | None = Field(None, alias="if", description="Else the step is skipped.")
+    start: Literal["together"] | None = Field(
+        None, description="together: nobody moves before every robot has been found able to."
+    )
+    finish: Name = Field("all", description="all, any, or a role: when the step is over; others are ended.")
+    timeout: Duration = Field(600.0, description="Of each robot's part; progress extends it.")
+    robot_failed: RobotFailedConfig = Field(RobotFailedConfig(), description="When a robot fails.")
+    undo: dict[Name, ActConfig] = Field({}, description="What undoes the step, by role.")
+
+    @model_validator(mode="after")
+    def _one(self) -> Self:
+        said = [action for action in ACTIONS if getattr(self, action) is not None]
+        if len(said) != 1:
+            raise wrong(said[1] if said else "id", f"a step needs exactly one of {', '.join(ACTIONS)}")
+        if self.do is None:
+            for key in ("start", "undo"):
+                if getattr(self, key):
+                    raise wrong(key, "is said of a step with do")
+        elif not self.do:
+            raise wrong("do", "names no role")
+        return self
+
+
+class MissionConfig(Model):
+    """What a fleet shall do."""
+
+    version: Literal[1] = Field(description="The version of this grammar: 1.")
+    summary: str = Field("", max_length=200, description="One line for people.")
+    inputs: dict[Name, InputConfig] = Field({}, description="Values that are given at the start.")
+    roles: dict[Name, RoleConfig] = Field(min_length=1, description="The parts, filled by robots.")
+    require: RequireConfig = Field(RequireConfig(), description="What every robot must have.")
+    occupies: tuple[Name, ...] = Field((), description="Places that no other run may have meanwhile.")
+    quorum: dict[Name, int] = Field(
+        {}, description="Robots that each role must keep. Left out: the least of its count."
+    )
+    deadline: Duration | None = Field(None, description="The whole run ends by then; nothing extends it.")
+    steps: list[StepConfig] = Field(min_length=1, max_length=200, description="What is done, in order.")
+    on_failure: Literal["hold", "undo", "stop"] = Field(
+        "hold",
+        description="hold: its robots stand still; undo: then what undoes the steps, backwards; stop: "
+        "their emergency stop is set, which a person releases.",
+    )
+    on_abort: str = Field("hold", min_length=1, max_length=64, description="hold, or a command for all.")
+    on_restart: Literal["fail", "hold_and_ask", "continue"] = Field(
+        "hold_and_ask",
+        description="After a restart of the edge. continue: only between steps; in one a person is asked.",
+    )
+    rehearse: Literal["required"] | None = Field(None, description="required: run refuses without a pass.")
+
+
+def normalised(mission: Any, values: Mapping[str, Any]) -> Any:
+    """Return a mission's data with short forms spelt out and ``values`` in the place of its inputs.
+
+    Total: what is malformed stays as it is, for the models to refuse. An input without a value stays too.
+    """
+    data = _filled(mission, values)
+    if not isinstance(data, dict):
+        return data
+    roles = data.get("roles")
+    if isinstance(roles, dict):
+        data["roles"] = {name: _counted(role) for name, role in roles.items()}
+    if isinstance(data.get("steps"), list):
+        data["steps"] = [_spelt_out(step) for step in data["steps"]]
+    return data
+
+
+def _filled(value: Any, values: Mapping[str, Any]) -> Any:
+    """Return data with values in the place of ``{input: NAME}``."""
+    if isinstance(value, dict):
+        if set(value) == {"input"} and isinstance(value["input"], str) and value["input"] in values:
+            return values[value["input"]]
+        return {key: _filled(each, values) for key, each in value.items()}
+    return [_filled(each, values) for each in value] if isinstance(value, list) else value
+
+
+def _counted(role: Any) -> Any:
+    """Return a role whose count is a number with it as bounds."""
+    if isinstance(role, dict) and isinstance(role.get("count"), int) and role["count"] is not True:
+        return {**role, "count": {"min": role["count"], "max": role["count"]}}
+    return role
+
+
+def _spelt_out(step: Any) -> Any:
+    """Return a step with ``eye: land`` as ``eye: {command: land}``, repeated steps too."""
+    if not isinstance(step, dict):
+        return step
+    long = dict(step)
+    for key in ("do", "undo"):
+        if isinstance(long.get(key), dict):
+            long[key] = {
+                role: {"command": act} if isinstance(act, str) else act for role, act in long[key].items()
+            }
+    repeat = long.get("repeat")
+    if isinstance(repeat, dict) and isinstance(repeat.get("steps"), list):
+        long["repeat"] = {**repeat, "steps": [_spelt_out(each) for each in repeat["steps"]]}
+    return long

@@ -1,0 +1,129 @@
+"""QGroundControl's .plan files, as the ``aerial.mission.v1`` that robots take.
+
+Source: QGroundControl's plan file format 1 (``fileType: Plan``). A survey and other complex items carry the
+simple items that they come to; those are taken. Altitudes above terrain, fences and rally points are not:
+a file whose items need what is not flown here is refused, so that nothing is flown that was not planned.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Mapping
+from types import MappingProxyType
+from typing import Any
+
+import msgspec
+
+from fleet.errors import WireError
+from fleet.runtime.decoding import decode_json
+from fleet.wire.missions import CONTRACT, plan_of
+
+_GLOBAL, _ABOVE_HOME = 0, 3  # MAV_FRAME
+_MISSION_FRAME = 2
+TAKEOFF, LAND = 22, 21
+_SPEED = 178  # MAV_CMD_DO_CHANGE_SPEED
+_Params = list[Any]
+
+
+def _seconds(params: _Params) -> dict[str, Any]:
+    """Return the time of a loiter."""
+    return {"seconds": params[0]}
+
+
+def _turns(params: _Params) -> dict[str, Any]:
+    """Return the turns of a loiter."""
+    return {"turns": int(params[0] or 1), "radius_m": abs(params[2] or 0), "direction": _direction(params[2])}
+
+
+def _direction(radius: float | None) -> str:
+    """Return which way round; a negative radius is counter-clockwise."""
+    return "ccw" if (radius or 0) < 0 else "cw"
+
+
+_ITEMS: Mapping[int, tuple[str, Callable[[_Params], dict[str, Any]]]] = MappingProxyType(
+    {
+        16: ("waypoint", lambda _: {}),
+        17: ("loiter_unlimited", lambda _: {}),
+        18: ("loiter_turns", _turns),
+        19: ("loiter_time", _seconds),
+        20: ("return_to_launch", lambda _: {}),
+        189: ("land_start", lambda _: {}),
+    }
+)
+
+
+def plan_in(data: bytes) -> dict[str, Any]:
+    """Return the plan of a file, a .plan or an ``aerial.mission.v1``; raises WireError."""
+    try:
+        document = decode_json(data, dict[str, Any])
+    except (msgspec.DecodeError, RecursionError) as error:
+        raise WireError(f"is no JSON: {error}") from None
+    if document.get("fileType") == "Plan":
+        try:
+            document = _converted(document)
+        except (AttributeError, KeyError, TypeError, ValueError, IndexError) as error:
+            raise WireError(f"is no plan of QGroundControl: {type(error).__name__}: {error}") from None
+    plan_of(document, "")
+    return document
+
+
+def _converted(document: Mapping[str, Any]) -> dict[str, Any]:
+    """Return an ``aerial.mission.v1`` of a .plan."""
+    mission = document["mission"]
+    for name, what in (("geoFence", "polygons"), ("geoFence", "circles"), ("rallyPoints", "points")):
+        if document.get(name, {}).get(what):
+            raise WireError(f"its {name} is not flown here", where=name)
+    items: list[dict[str, Any]] = []
+    above_sea: set[bool] = set()
+    speed = None
+    for at, item in enumerate(_simple(mission["items"])):
+        where = f"mission.items.{at}"
+        command, params = item["command"], item["params"]
+        if command == _SPEED:
+            speed = params[1]
+            continue
+        if command not in _ITEMS and command != TAKEOFF:
+            raise WireError(f"MAV_CMD {command} is not flown here", where=where)
+        placed = not _is_nothing(params[4]) and not _is_nothing(params[5])
+        if command == TAKEOFF and not placed:
+            continue  # the robot takes off by itself
+        kind, more = _ITEMS.get(command, _ITEMS[16])
+        made: dict[str, Any] = {"type": kind, **more(params)}
+        if placed:
+            above_sea.add(_is_above_sea(item, where))
+            made |= {"latitude": params[4], "longitude": params[5], "altitude_m": params[6]}
+        if speed is not None:
+            made["speed_ms"], speed = speed, None
+        items.append(made)
+    if len(above_sea) > 1:
+        raise WireError("altitudes above home and above the sea are mixed", where="mission.items")
+    home = mission.get("plannedHomePosition")
+    return {
+        "contract": CONTRACT,
+        "name": "plan",
+        "items": items,
+        "altitude_reference": "amsl" if True in above_sea else "home",
+    } | ({"home": {"latitude": home[0], "longitude": home[1], "altitude_amsl_m": home[2]}} if home else {})
+
+
+def _simple(items: list[Mapping[str, Any]]) -> Iterator[Mapping[str, Any]]:
+    """Yield simple items, those of complex ones included."""
+    for item in items:
+        if item["type"] == "SimpleItem":
+            yield item
+        else:
+            transect = item.get("TransectStyleComplexItem", item)
+            yield from _simple(transect["Items"])
+
+
+def _is_nothing(value: Any) -> bool:
+    """Return whether a coordinate is not given."""
+    return value is None or value == 0 or (isinstance(value, float) and math.isnan(value))
+
+
+def _is_above_sea(item: Mapping[str, Any], where: str) -> bool:
+    """Return what an item's altitude counts from; raises WireError for the terrain."""
+    frame = item.get("frame", _ABOVE_HOME)
+    if frame not in (_GLOBAL, _ABOVE_HOME, _MISSION_FRAME):
+        raise WireError(f"MAV_FRAME {frame} is not flown here: above home or above the sea", where=where)
+    return bool(frame == _GLOBAL)

@@ -1,0 +1,105 @@
+"""Fills the roles of a mission from the robots that there are; pure.
+
+The fullest battery first, ties by name. Roles with the fewest candidates choose first, each its least number;
+what is left fills roles up to their most.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+
+import msgspec
+
+from fleet.errors import Refused
+from fleet.missions.facts import Seen
+from fleet.missions.model import RoleConfig
+from fleet.missions.program import Require
+from fleet.missions.state import Facts
+
+
+class Candidate(msgspec.Struct, frozen=True):
+    """A robot that may fill a role. ``can``: its commands, with goto, path and plan where it takes them.
+
+    ``trouble`` is why it cannot take part in anything now; empty when it can.
+    """
+
+    name: str
+    kind: str
+    can: frozenset[str]
+    facts: Facts
+    groups: frozenset[str] = frozenset()
+    trouble: str = ""
+
+
+def filled(
+    roles: Mapping[str, RoleConfig],
+    needs: Mapping[str, frozenset[str]],
+    candidates: Iterable[Candidate],
+    require: Require,
+    given: Mapping[str, Sequence[str]],
+) -> dict[str, list[str]]:
+    """Return robots by role; raises Refused with what each candidate lacks where a role cannot be filled.
+
+    ``needs`` is what the steps ask of each role; ``given`` are robots that a person has chosen.
+    """
+    everybody = sorted(candidates, key=_fullest)
+    lacking = {
+        role: {
+            each.name: _lacks(each, wanted, needs.get(role, frozenset()), require, given.get(role))
+            for each in everybody
+        }
+        for role, wanted in roles.items()
+    }
+    able = {role: [name for name, why in lacks.items() if not why] for role, lacks in lacking.items()}
+    order = sorted(roles, key=lambda role: (len(able[role]) - roles[role].count.min, role))
+    found: dict[str, list[str]] = {role: [] for role in roles}
+    taken: set[str] = set()
+    for least in (True, False):
+        for role in order:
+            count = roles[role].count
+            free = [name for name in able[role] if name not in taken]
+            more = free[: (count.min if least else count.max) - len(found[role])]
+            found[role] += more
+            taken |= set(more)
+            if least and len(found[role]) < count.min:
+                raise Refused(_nobody(role, count.min, found[role], lacking[role], taken))
+    return found
+
+
+def _fullest(candidate: Candidate) -> tuple[float, str]:
+    """Order by battery, the fullest first, then by name."""
+    battery = candidate.facts.battery
+    return (-1.0 if battery is None else -battery, candidate.name)
+
+
+def _lacks(
+    candidate: Candidate,
+    role: RoleConfig,
+    needs: frozenset[str],
+    require: Require,
+    given: Sequence[str] | None,
+) -> str:
+    """Return what a robot lacks for a role; empty for nothing, ``-`` for one that is not asked for."""
+    wanted = role.from_ in (None, candidate.name) or role.from_ in candidate.groups
+    if given is not None:
+        wanted = candidate.name in given
+    if not wanted or (role.kind is not None and role.kind != candidate.kind):
+        return "-"
+    missing = sorted((needs | frozenset(role.can)) - candidate.can)
+    if missing:
+        return f"has no {', '.join(missing)}"
+    if candidate.trouble:
+        return candidate.trouble
+    seen = Seen()
+    seen.take(candidate.facts)
+    return seen.lacks(candidate.name, require)
+
+
+def _nobody(role: str, least: int, found: list[str], lacking: Mapping[str, str], taken: set[str]) -> str:
+    """Say why a role cannot be filled: who could, and what each lacks."""
+    words = [
+        f"{name}: {why or 'fills another role'}"
+        for name, why in lacking.items()
+        if why != "-" and (why or (name in taken and name not in found))
+    ]
+    return f"role {role} needs {least}, {len(found)} can: {'; '.join(words) or 'no robot is asked for'}"

@@ -1,0 +1,291 @@
+"""One run under way: the engine, wired to its robots, the store and the clock. Runs on the event loop.
+
+What an event leads to is recorded first; only then are robots commanded, in the same order.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import logging
+from collections.abc import Callable, Mapping
+from functools import partial
+from typing import Any, Protocol
+
+from fleet.clock import Clock
+from fleet.errors import Refused
+from fleet.missions.engine import Engine
+from fleet.missions.messages import Places, message_of, payload_of
+from fleet.missions.program import Act
+from fleet.missions.state import (
+    Begin,
+    Effect,
+    EmergencyStop,
+    Ended,
+    Event,
+    Facts,
+    Hold,
+    Left,
+    Note,
+    Outcome,
+    Part,
+    Prepare,
+    Prepared,
+    Replied,
+    RunOutcome,
+    Tick,
+)
+from fleet.missions.store import About, Change, Store
+from fleet.model.command import Reply, ReplyStatus, Request, Transport, session_of
+from fleet.model.state import RobotState
+from fleet.wire.rules import Kind
+
+log = logging.getLogger(__name__)
+
+JOIN, LEAVE = "join_run", "leave_run"
+_LEFT = {"stopped": Outcome.STOPPED, "lost": Outcome.LOST, "taken": Outcome.TAKEN}
+
+
+class Robot(Protocol):
+    """A robot of the edge, as a run needs it."""
+
+    name: str
+
+    def state(self) -> RobotState:
+        """Return what it looks like now."""
+
+    def read(
+        self, kind: Kind, payload: bytes, *, way: Transport, request_id: str = "", waits: bool = False
+    ) -> Request | None:
+        """Read a message; what is returned takes it."""
+
+    def would_refuse(self, kind: Kind, payload: bytes, *, way: Transport) -> str:
+        """Return why a message would be refused now; empty when it would be taken. Nothing moves."""
+
+
+class Surroundings(Protocol):
+    """What all runs of an edge share."""
+
+    clock: Clock
+    store: Store
+    places: Places
+    robots: Mapping[str, Robot]
+
+    def soon(self, call: Callable[[], None]) -> None:
+        """Run a call on the event loop; from any thread."""
+
+    def stop(self, robots: tuple[str, ...], why: str) -> None:
+        """Set the emergency stop of robots."""
+
+    def changed(self, run: Run) -> None:
+        """Take note that a run's state has changed."""
+
+
+class Run:
+    """One run. ``elapsed``: seconds of its own clock so far, of earlier processes too."""
+
+    def __init__(self, about: About, engine: Engine, around: Surroundings, *, elapsed: float = 0.0) -> None:
+        self.about = about
+        self.engine = engine
+        self._around = around
+        self._elapsed = elapsed
+        self._since = around.clock.monotonic()
+        self._session = session_of(about.run)
+        self._head = b""
+        self._sent: set[str] = set()
+
+    @property
+    def id(self) -> str:
+        """The run's id."""
+        return self.about.run
+
+    @property
+    def now(self) -> float:
+        """Seconds of the run's clock."""
+        return self._elapsed + self._around.clock.monotonic() - self._since
+
+    def take(self, event: Event, *, new: bool = False) -> None:
+        """Take an event: record what it changes, then do what follows from it."""
+        effects = self.engine.handle(event, self.now)
+        touched = self.engine.changes()
+        head = repr(self.engine.head).encode()
+        if not (new or touched or effects or head != self._head):
+            return
+        self._head = head
+        around = self._around
+        notes = [effect for effect in effects if isinstance(effect, Note)]
+        change = Change(
+            self.id,
+            self.engine.head,
+            [*self.engine.robots.members.values(), *touched] if new else touched,
+            notes,
+            around.clock.time(),
+            self.now,
+            self.about if new else None,
+            self.engine.program if new else None,
+        )
+        follow = partial(self._recorded, effects, new)
+        around.store.save(change, lambda kept: around.soon(partial(follow, kept)))
+        around.changed(self)
+
+    def turn(self) -> None:
+        """Look at the robots, and let time pass."""
+        for member in self.engine.robots.ours():
+            self._look(member.robot)
+        self.take(Tick())
+
+    def see(self) -> None:
+        """Tell the engine what is seen of every robot."""
+        for robot in self.engine.robots.members:
+            self.take(_facts(self._around.robots[robot].state()))
+
+    def _look(self, robot: str) -> None:
+        """Tell the engine what is seen of a robot, and whether it has left the run."""
+        state = self._around.robots[robot].state()
+        self.take(_facts(state))
+        left = why_left(state, self.id)
+        if left is not None:
+            self.take(Left(robot, *left))
+
+    # -- what follows ----------------------------------------------------------------------------------
+
+    def _recorded(self, effects: list[Effect], new: bool, kept: bool) -> None:  # noqa: FBT001 - by position
+        """Do what follows; a run whose beginning could not be recorded begins nothing."""
+        if kept or not new:
+            self._carry_out(effects)
+            return
+        self.engine.ending.close(RunOutcome.FAILED, f"it was not begun: {self._around.store.problem}")
+        self.take(Tick())  # tells it, and gives the robots back
+
+    def _carry_out(self, effects: list[Effect]) -> None:
+        """Do what follows from an event that is recorded; a run that cannot go on is given up."""
+        try:
+            for effect in effects:
+                self._follow(effect)
+        except Exception as error:
+            log.exception("run %s cannot go on", self.id)
+            self.give_up(f"{type(error).__name__}: {error}")
+
+    def give_up(self, reason: str) -> None:
+        """End a run that failed in a way that nobody foresaw: its robots stop, its end is unknown."""
+        if self.engine.over:
+            return
+        for member in self.engine.robots.ours():
+            if not self.engine.robots.comes_down(member.robot):
+                with contextlib.suppress(Exception):  # one robot's failure keeps no other moving
+                    self._ask(member.robot, "command", {"command": "stop"}, "")
+        self.engine.ending.close(RunOutcome.UNKNOWN, f"the edge failed: {reason}")
+        self.take(Tick())  # records the end, and gives the robots back
+
+    def _follow(self, effect: Effect) -> None:
+        """Do what one effect says."""
+        match effect:
+            case Begin(part):
+                self._begin(part)
+            case Prepare(robot, act):
+                self.take(Prepared(robot, self._refusal(robot, act)))
+            case Hold(part, resumes):
+                self._ask(part.robot, "navigate", {"command": "resume" if resumes else "pause"}, "")
+            case EmergencyStop(robots, reason):
+                self._around.stop(robots, f"run {self.id}: {reason}")
+            case Ended():
+                self._give_back()
+            case _:
+                pass
+
+    def _begin(self, part: Part) -> None:
+        """Command a robot, once, unless its part is over or it has left the run meanwhile."""
+        if part.identity in self._sent or not part.inflight:
+            return
+        self._sent.add(part.identity)
+        state = self._around.robots[part.robot].state()
+        left = why_left(state, self.id)
+        if left is not None:
+            self.take(Left(part.robot, *left))
+            return
+        try:
+            kind, message = message_of(part.act, part.identity, state, self._around.places)
+        except Refused as error:
+            self.take(Replied(part.identity, Outcome.REFUSED, error.reason))
+            return
+        self._ask(part.robot, kind, message, part.identity, partial(self._replied, part))
+
+    def _ask(
+        self,
+        robot: str,
+        kind: Kind,
+        message: dict[str, Any],
+        identity: str,
+        answer: Callable[[Reply], None] = lambda _: None,
+    ) -> None:
+        """Send a robot a message in the name of who started the run."""
+        payload = self._payload(message)
+        way = Transport(self.about.way)
+        asked = self._around.robots[robot].read(kind, payload, way=way, request_id=identity, waits=True)
+        if asked is not None:
+            asked(answer)
+
+    def _payload(self, message: dict[str, Any]) -> bytes:
+        """Return a message that is sent now."""
+        now = self._around.clock.time()
+        return payload_of(message, session=self._session, source_type=self.about.source_type, now=now)
+
+    def _refusal(self, robot: str, act: Act) -> str:
+        """Return why a robot could not begin now."""
+        found = self._around.robots[robot]
+        try:
+            kind, message = message_of(act, f"{self.id}/prepare/{robot}", found.state(), self._around.places)
+        except Refused as error:
+            return error.reason
+        return found.would_refuse(kind, self._payload(message), way=Transport(self.about.way))
+
+    def _replied(self, part: Part, reply: Reply) -> None:
+        """Take a robot's answer; what it has left the run for comes before it."""
+        outcome = outcome_of(reply)
+        if outcome is None:
+            return
+        if outcome is not Outcome.DONE and part.inflight:
+            self._look(part.robot)
+        self.take(Replied(part.identity, outcome, reply.reason))
+
+    def join(self, robot: str, answer: Callable[[Reply], None]) -> None:
+        """Ask for a robot; it obeys nobody else's motion until it is given back."""
+        self._ask(robot, "command", {"command": JOIN, "data": {"run": self.id}}, "", answer)
+
+    def _give_back(self) -> None:
+        """Give all robots back."""
+        for robot in self.engine.robots.members:
+            self.leave(robot)
+
+    def leave(self, robot: str) -> None:
+        """Give a robot back."""
+        self._ask(robot, "command", {"command": LEAVE, "data": {"run": self.id}}, "")
+
+
+def why_left(state: RobotState, run: str) -> tuple[Outcome, str] | None:
+    """Return how and why a robot has left a run; None while it is in it."""
+    if state.emergency_stop:
+        return Outcome.STOPPED, state.stop_cause or "its emergency stop is set"
+    if not state.reachable:
+        return Outcome.LOST, state.cause or "it does not answer"
+    if state.run == run:
+        return None
+    word, _, reason = state.left_run.partition(": ")
+    return _LEFT.get(word, Outcome.LOST), reason or "its process began anew"
+
+
+def outcome_of(reply: Reply) -> Outcome | None:
+    """Return how a part ended by a robot's answer; None for a receipt, after which the end is to come."""
+    if reply.done:
+        return Outcome.DONE
+    if reply.done is None:
+        if reply.ok:
+            return None
+        return Outcome.UNKNOWN if reply.status is ReplyStatus.TIMEOUT else Outcome.REFUSED
+    return Outcome.LATE if reply.status is ReplyStatus.TIMEOUT else Outcome.FAILED
+
+
+def _facts(state: RobotState) -> Facts:
+    """Return what is seen of a robot; its place is in the site's frame, else in its own world."""
+    at = state.site or state.position
+    position = (at.x, at.y, at.z) if at is not None else None
+    return Facts(state.name, state.health, state.battery, position, state.activity)

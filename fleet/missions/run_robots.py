@@ -1,0 +1,137 @@
+"""The robots of one run and what each of them is doing: parts begin, end, and are never begun again.
+
+The one place that makes a ``Begin``: it never commands a robot that is not ours, and never uses an identity
+twice.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+from fleet.missions.program import Act
+from fleet.missions.state import Begin, Effect, Kind, Member, Note, Outcome, Part
+
+HALT_WITHIN = 15.0  # s for a robot to be seen standing after it was told to
+HALT = Act("command", "stop", timeout=HALT_WITHIN)
+"""Ends motion; the robot holds where it is."""
+COMES_DOWN = frozenset({"land", "return_to_home", "sit_down"})
+"""Commands that only make a robot safer: they are not broken off by a halt, as the host does not either."""
+NOT_OURS = frozenset({Outcome.LOST, Outcome.TAKEN, Outcome.STOPPED})
+
+
+class RunRobots:
+    """Members by robot, parts by identity; ``effects`` collects what follows, ``touched`` what changed."""
+
+    def __init__(self, run: str, members: Iterable[Member], parts: Iterable[Part] = ()) -> None:
+        self.run = run
+        self.members = {member.robot: member for member in members}
+        self.parts = {part.identity: part for part in parts}
+        self._active = {part.identity: part for part in self.parts.values() if part.inflight}
+        in_order = sorted(self.parts.values(), key=lambda part: part.began)
+        self._last = {part.robot: part for part in in_order if part.kind != "halt"}
+        self.effects: list[Effect] = []
+        self.touched: dict[str, Part | Member] = {}
+        self.halts = sum(part.kind == "halt" for part in self.parts.values())
+
+    def note(self, text: str, robot: str = "", step: str = "") -> None:
+        """Add a line to the run's story."""
+        self.effects.append(Note(text, robot, step))
+
+    def within(self, roles: Iterable[str] | None = None) -> list[Member]:
+        """Return the robots that still take part, of some roles or of all."""
+        wanted = None if roles is None else set(roles)
+        return [each for each in self.members.values() if each.within and (not wanted or each.role in wanted)]
+
+    def ours(self) -> list[Member]:
+        """Return the robots that may be commanded."""
+        return [each for each in self.members.values() if each.ours]
+
+    def active(self, *kinds: Kind) -> list[Part]:
+        """Return the parts under way of these kinds; of none: of all."""
+        return [part for part in self._active.values() if not kinds or part.kind in kinds]
+
+    def parts_of(self, step: str) -> list[Part]:
+        """Return what robots did, or do, for one begun step."""
+        return [part for part in self.parts.values() if part.step == step and part.kind == "do"]
+
+    def begin(self, step: str, robot: str, act: Act, kind: Kind, now: float, *, attempt: int = 1) -> None:
+        """Begin a part of a robot that is ours; one that is not is left alone."""
+        member = self.members[robot]
+        if not member.ours:
+            return
+        mark = {"do": "", "undo": "undo.", "abort": "abort.", "secure": "secure.", "halt": "halt."}[kind]
+        number = f"{mark}{attempt}"
+        if kind == "halt":
+            self.halts += 1
+            number = f"halt.{self.halts}"
+        identity = f"{self.run}/{step}/{robot}/{number}"
+        if identity in self.parts:  # begun means never begun again
+            return
+        part = Part(identity, step, robot, member.role, attempt, kind, act, now, now + act.timeout)
+        self.parts[identity] = self._active[identity] = part
+        if kind != "halt":
+            self._last[robot] = part
+        self.touched[identity] = part
+        self.effects.append(Begin(part))
+        if kind != "halt":
+            self.note(f"{act.words} begun", robot, step)
+
+    def halt(self, step: str, robot: str, now: float) -> None:
+        """Bring a robot that is ours to a standstill; once is enough while that is under way.
+
+        One that lands, or may still be landing, is left to it.
+        """
+        if self.comes_down(robot) or any(part.robot == robot for part in self.active("halt")):
+            return
+        self.begin(step, robot, HALT, "halt", now)
+
+    def comes_down(self, robot: str) -> bool:
+        """Return whether a robot does what only makes it safer, or may still do it."""
+        last = self._last.get(robot)
+        if last is None or last.act.verb != "command" or last.act.value not in COMES_DOWN:
+            return False
+        return last.outcome in (None, Outcome.LATE, Outcome.UNKNOWN)
+
+    def end(self, part: Part, outcome: Outcome, reason: str, now: float) -> None:
+        """Note how a part ended; an end that is noted stays."""
+        if not part.inflight:
+            return
+        part.outcome, part.reason, part.ended = outcome, reason, now
+        self._active.pop(part.identity, None)
+        self.touched[part.identity] = part
+        if part.kind != "halt" or outcome is not Outcome.DONE:
+            words = "stop" if part.kind == "halt" else part.act.words
+            self.note(f"{words} {outcome}" + (f": {reason}" if reason else ""), part.robot, part.step)
+
+    def lose(self, robot: str, outcome: Outcome, reason: str, now: float) -> bool:
+        """Take a robot out of the run; return whether it was within.
+
+        What it was doing ends with the same outcome. One that somebody else has, or that does not answer,
+        is not ours any more; that can also happen to one that was out already.
+        """
+        member = self.members[robot]
+        was_within = member.within
+        if was_within:
+            member.outcome, member.reason, member.since = outcome, reason, now
+        member.within = False
+        if outcome in NOT_OURS:
+            member.ours = False
+        self.touched[f"member {robot}"] = member
+        for part in self.active():
+            if part.robot == robot and (part.kind == "do" or outcome in NOT_OURS):
+                self.end(part, outcome, reason, now)
+        if was_within:
+            self.note(f"out of the run: {outcome}: {reason}", robot)
+        return was_within
+
+    def shortage(self, quorum: dict[str, int]) -> str:
+        """Return which role has fewer robots than its quorum; empty when none has."""
+        for role, least in quorum.items():
+            left = len(self.within([role]))
+            if left < least:
+                return f"role {role} has {left} of the {least} robots that it needs"
+        return ""
+
+    def lost_any(self) -> bool:
+        """Return whether a robot did not come through to the end."""
+        return any(not each.within for each in self.members.values())

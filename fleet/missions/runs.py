@@ -1,0 +1,319 @@
+"""The runs of one edge: started, followed, controlled, and taken up again after a restart.
+
+A run is started in this order, and refused at the first that fails, before anything moves: the mission and
+its inputs, the roles, the authority of who starts it for every robot and step, the disk, the robots
+themselves. Then it is recorded, and only then it begins.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import logging
+import secrets
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
+
+import msgspec
+
+from fleet.clock import Clock
+from fleet.config.missions import Mission
+from fleet.errors import Refused
+from fleet.missions.engine import Engine
+from fleet.missions.messages import Places
+from fleet.missions.program import Do, Program
+from fleet.missions.report import ControlAsk, RunState, StartAsk, state_of
+from fleet.missions.roles import Candidate, filled
+from fleet.missions.run import Robot, Run
+from fleet.missions.state import (
+    Abort,
+    Answer,
+    Event,
+    Heard,
+    Left,
+    Member,
+    Outcome,
+    Pause,
+    Restarted,
+    Resume,
+    Start,
+    StopAll,
+)
+from fleet.missions.store import About, Kept, Store
+from fleet.model.command import Origin, Reply, Transport
+
+log = logging.getLogger(__name__)
+
+JOIN_WITHIN = 5.0  # s for all robots of a run to join it
+BACK_WITHIN = 20.0  # s for robots to answer again after a restart of the edge
+MOST = 64  # runs at once
+
+_CONTROLS: Mapping[str, Callable[[str], Event]] = {"pause": Pause, "resume": Resume, "abort": Abort}
+Allowed = Callable[[str, Origin, bool, bool], str | None]
+"""Why an asker may not start a mission with a robot that commands it, or leads it; None when he may."""
+Began = Callable[[str, Mapping[str, Sequence[str]], str], None]
+"""Told the run's id and its robots by role, or with an empty id why it did not begin."""
+
+
+class Runs:
+    """Every run of an edge. ``candidates`` tells what each robot can and is now."""
+
+    def __init__(
+        self,
+        edge: str,
+        robots: Mapping[str, Robot],
+        *,
+        candidates: Callable[[], list[Candidate]],
+        allowed: Allowed,
+        places: Places,
+        store: Store,
+        clock: Clock,
+        soon: Callable[[Callable[[], None]], None],
+        stop: Callable[[tuple[str, ...], str], None],
+        told: Callable[[RunState], None],
+    ) -> None:
+        self.edge = edge
+        self.robots = robots
+        self.places = places
+        self.store = store
+        self.clock = clock
+        self.soon = soon
+        self.stop = stop
+        self._candidates = candidates
+        self._allowed = allowed
+        self._told = told
+        self._runs: dict[str, Run] = {}
+        self._pending: dict[str, _Pending] = {}
+
+    # -- what the runs themselves ask ------------------------------------------------------------------
+
+    def changed(self, run: Run) -> None:
+        """Tell a run's state; one that has ended is followed no more."""
+        self._told(self.state(run))
+        if run.engine.over:
+            self._runs.pop(run.id, None)
+
+    def state(self, run: Run) -> RunState:
+        """Return what a run looks like now."""
+        return state_of(run.engine, run.about, self.edge, run.now, self.store.problem)
+
+    @property
+    def any(self) -> bool:
+        """True while a run is under way; from any thread."""
+        return bool(self._runs)
+
+    def states(self) -> list[RunState]:
+        """Return the runs that are under way."""
+        return [self.state(run) for run in self._runs.values()]
+
+    # -- starting --------------------------------------------------------------------------------------
+
+    def fill(self, mission: Mission, program: Program, ask: StartAsk) -> dict[str, list[str]]:
+        """Return who would fill the roles of a mission; raises Refused."""
+        if mission.config.rehearse == "required":
+            raise Refused("the mission must be rehearsed first, and rehearsals are not built yet")
+        needs = needs_of(program)
+        return filled(mission.config.roles, needs, self._candidates(), program.require, ask.robots)
+
+    def start(self, mission: Mission, program: Program, ask: StartAsk, way: Transport, began: Began) -> None:
+        """Start a mission; ``began`` hears, on the loop, that it has, or why not."""
+        run = ask.run or secrets.token_hex(4)
+        if run in self._runs or run in self._pending:
+            began(run, {}, "")  # a repeat is the same run
+            return
+        full = f"{MOST} runs are under way" if len(self._runs) >= MOST else ""
+        if self.store.problem or full:
+            began("", {}, self.store.problem or full)
+            return
+        try:
+            roles = self.fill(mission, program, ask)
+            self._require_authority(program, roles, Origin(way, ask.source_type, ask.session_id))
+            self._require_places(program)
+        except Refused as error:
+            began("", {}, str(error))
+            return
+        about = About(
+            run,
+            program.mission,
+            digest_of(program, roles),
+            self.clock.time(),
+            ask.session_id,
+            way.value,
+            ask.source_type,
+            dict(ask.inputs),
+        )
+        members = [Member(robot, role, at) for role, names in roles.items() for at, robot in enumerate(names)]
+        made = Run(about, Engine(run, program, members), self)
+        self._join(made, partial(self._joined, made, roles, began))
+
+    def _require_authority(
+        self, program: Program, roles: Mapping[str, Sequence[str]], origin: Origin
+    ) -> None:
+        """Raise Refused unless every robot lets the asker do every step: a mission gives nobody rights."""
+        needs = needs_of(program)
+        for role, robots in roles.items():
+            leads = bool(needs.get(role, frozenset()) & {"goto", "path", "plan"})
+            for robot in robots:
+                refusal = self._allowed(robot, origin, True, leads)
+                if refusal:
+                    raise Refused(f"{robot}: {refusal}")
+
+    def _require_places(self, program: Program) -> None:
+        """Raise Refused while another run occupies a place that a mission wants."""
+        for other in self._runs.values():
+            both = set(program.occupies) & set(other.engine.program.occupies)
+            if both:
+                raise Refused(f"run {other.id} of {other.about.mission} occupies {', '.join(sorted(both))}")
+
+    def _join(self, run: Run, done: Callable[[dict[str, str]], None]) -> None:
+        """Have every robot of a run that is ours join it; ``done`` hears who did not, and why."""
+        waiting = {member.robot for member in run.engine.robots.ours()}
+        refused: dict[str, str] = {}
+
+        def answered(robot: str, reply: Reply) -> None:
+            if reply.ok and not reply.done:
+                return
+            waiting.discard(robot)
+            if not reply.ok:
+                refused[robot] = reply.reason
+
+        def then() -> None:
+            done(refused | dict.fromkeys(waiting, f"it did not join within {JOIN_WITHIN:g} s"))
+
+        for robot in sorted(waiting):
+            run.join(robot, partial(answered, robot))
+        until = self.clock.monotonic() + JOIN_WITHIN
+        self._pending[run.id] = _Pending(lambda: not waiting, until, then)
+        self._look_at(run.id)
+
+    def _look_at(self, run: str) -> None:
+        """End what is waited for, if it is over."""
+        pending = self._pending[run]
+        if pending.over() or self.clock.monotonic() >= pending.until:
+            del self._pending[run]
+            pending.then()
+
+    def _joined(
+        self, run: Run, roles: Mapping[str, Sequence[str]], began: Began, refused: Mapping[str, str]
+    ) -> None:
+        """Begin a run whose robots have joined it; else give back those that have."""
+        refusal = "; ".join(f"{robot}: {why}" for robot, why in refused.items())
+        try:
+            self._require_places(run.engine.program)  # another run may have begun meanwhile
+        except Refused as error:
+            refusal = refusal or str(error)
+        if refusal:
+            for member in run.engine.robots.ours():
+                if member.robot not in refused:
+                    run.leave(member.robot)
+            began("", roles, refusal)
+            return
+        self._runs[run.id] = run
+        run.see()
+        run.take(Start(), new=True)
+        began(run.id, roles, "")
+
+    # -- following -------------------------------------------------------------------------------------
+
+    def turn(self) -> None:
+        """Look at all runs; again and again, on the loop."""
+        for run in list(self._pending):
+            self._look_at(run)
+        for each in list(self._runs.values()):
+            try:
+                each.turn()
+            except Exception as error:
+                log.exception("run %s cannot go on", each.id)
+                each.give_up(f"{type(error).__name__}: {error}")
+
+    def control(self, run: str, ask: ControlAsk) -> str:
+        """Pause, resume, abort a run, or answer its question; return why that was refused."""
+        found = self._runs.get(run)
+        if found is None:
+            return f"there is no run {run!r} under way"
+        if ask.do == "answer":
+            question = found.engine.head.question
+            if question is None or (ask.question and question.id != ask.question):
+                return "it asks nothing" if question is None else "it asks something else by now"
+            found.take(Answer(question.id, ask.goes_on, ask.session_id))
+            return ""
+        before = found.engine.head.phase
+        found.take(_CONTROLS[ask.do](ask.session_id))
+        question = found.engine.head.question
+        if found.engine.head.phase is before:
+            return question.text if question else f"not possible while it is {before.value}"
+        return ""
+
+    def stopped(self, names: tuple[str, ...], reason: str) -> None:
+        """Take note of an emergency stop of several robots, or (no name) of all; on the loop."""
+        plain = {name.strip().casefold().rpartition("/")[2] for name in names}
+        if len(plain) == 1:  # one robot: its run sees that it is stopped, and may go on without it
+            return
+        for run in list(self._runs.values()):
+            robots = tuple(robot for robot in run.engine.robots.members if not plain or robot in plain)
+            if robots:
+                run.take(StopAll(robots, reason))
+
+    def heard(self, robot: str, event: str) -> None:
+        """Take an event that was reported of a robot; on the loop."""
+        for run in list(self._runs.values()):
+            if robot in run.engine.robots.members:
+                run.take(Heard(robot, event))
+
+    # -- after a restart -------------------------------------------------------------------------------
+
+    def take_up(self) -> None:
+        """Take up the runs that an earlier process did not see to their end; their robots may be away yet."""
+        for kept in self.store.unfinished():
+            self._take_up(kept, self.clock.monotonic() + BACK_WITHIN)
+
+    def _take_up(self, kept: Kept, until: float) -> None:
+        """Take up one run once its robots answer, or when they should have."""
+        away = max(0.0, self.clock.time() - kept.stamp)
+        engine = Engine(kept.about.run, kept.program, kept.members, head=kept.head, parts=kept.parts)
+        run = Run(kept.about, engine, self, elapsed=kept.elapsed + away)
+        for member in engine.robots.ours():
+            if member.robot not in self.robots:
+                engine.robots.lose(member.robot, Outcome.LOST, "fleet.yaml has it no more", run.now)
+        log.warning("run %s of %s was under way when the edge ended", run.id, kept.about.mission)
+
+        def back() -> bool:
+            ours = (self.robots[member.robot] for member in engine.robots.ours())
+            return all(robot.state().reachable for robot in ours)
+
+        self._pending[run.id] = _Pending(back, until, lambda: self._join(run, partial(self._back, run)))
+
+    def _back(self, run: Run, refused: Mapping[str, str]) -> None:
+        """Go on with a run of an earlier process, without those that are gone."""
+        self._runs[run.id] = run
+        run.see()
+        for robot, why in refused.items():
+            run.take(Left(robot, Outcome.LOST, why))
+        run.take(Restarted())
+
+
+class _Pending(msgspec.Struct):
+    """Something that is waited for: once it is ``over``, or time is up, ``then`` is called."""
+
+    over: Callable[[], bool]
+    until: float
+    then: Callable[[], None]
+
+
+def needs_of(program: Program) -> dict[str, frozenset[str]]:
+    """Return what the steps ask of each role: commands by name, goto, path and plan."""
+    needs: dict[str, set[str]] = {role: set() for role in program.quorum}
+    for step in program.steps:
+        if not isinstance(step, Do):
+            continue
+        for acts in (step.acts, step.undo):
+            for role, each in acts.items():
+                words = {str(act.value) if act.verb == "command" else act.verb for act in each}
+                for name in needs if role == "all" else (role,):
+                    needs[name] |= words
+    return {role: frozenset(words) for role, words in needs.items()}
+
+
+def digest_of(program: Program, roles: Mapping[str, Sequence[str]]) -> str:
+    """Return what stands for what is carried out, and by whom."""
+    content = msgspec.json.encode([program, {role: list(names) for role, names in roles.items()}])
+    return hashlib.blake2b(content, digest_size=8).hexdigest()

@@ -1,0 +1,284 @@
+"""What must outlive the process of a run: its frozen program, where it is, what was begun, its story.
+
+An SQLite file beside the journal, written by a thread of its own, one commit for each change, synchronised
+to the disk: ``save`` calls back once a change is on disk, and only then is a robot commanded. So a part that
+was sent is always recorded, and one that is recorded is never begun again.
+
+==========================  ==========================================================================
+what happens                what the store does
+==========================  ==========================================================================
+disk full, read-only        no run is started; one that runs goes on, told in ``problem``
+file damaged                set aside, a new one begun, told in ``lost`` until the process ends
+too many ended runs         the oldest are deleted, with their story
+==========================  ==========================================================================
+"""
+
+from __future__ import annotations
+
+import contextlib
+import logging
+import sqlite3
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+
+import msgspec
+
+from fleet.errors import StateError
+from fleet.missions.program import Program
+from fleet.missions.state import Head, Member, Note, Part, RunOutcome
+from fleet.runtime.decoding import decode_json
+from fleet.spool.database import open_checked
+from fleet.spool.state_folder import locked, made
+
+log = logging.getLogger(__name__)
+
+MISSIONS = "missions.db"
+SCHEMA = """
+CREATE TABLE run (
+    id TEXT PRIMARY KEY, about TEXT, program TEXT, head TEXT, ended INTEGER, stamp REAL, elapsed REAL
+) WITHOUT ROWID;
+CREATE TABLE member (run TEXT, robot TEXT, state TEXT, PRIMARY KEY (run, robot)) WITHOUT ROWID;
+CREATE TABLE part (run TEXT, identity TEXT, state TEXT, PRIMARY KEY (run, identity)) WITHOUT ROWID;
+CREATE TABLE note (id INTEGER PRIMARY KEY, run TEXT, stamp REAL, step TEXT, robot TEXT, text TEXT);
+CREATE INDEX note_by_run ON note (run, id);
+"""
+FORMATS = (SCHEMA,)
+"""What brings the file from each format number to the next (``fleet.runtime.state_format``)."""
+KEPT = 500  # ended runs
+_RUN = "INSERT OR REPLACE INTO run VALUES (?, ?, ?, ?, ?, ?, ?)"
+_HEAD = "UPDATE run SET head = ?, ended = ?, stamp = ?, elapsed = ? WHERE id = ?"
+_encode = msgspec.json.Encoder().encode
+
+
+class About(msgspec.Struct, frozen=True, omit_defaults=True):
+    """What was started: by whom, when (Unix s), with which inputs; ``hash`` is of the program and the roles.
+
+    ``way`` and ``source_type`` are the authority under which its robots are commanded.
+    """
+
+    run: str
+    mission: str
+    hash: str
+    started: float
+    by: str = ""
+    way: str = "bus"
+    source_type: str | None = None
+    inputs: dict[str, object] = {}
+
+
+class Told(msgspec.Struct, frozen=True, omit_defaults=True):
+    """One line of a run's story; ``stamp`` is Unix seconds."""
+
+    stamp: float
+    text: str
+    step: str = ""
+    robot: str = ""
+
+
+class Change(msgspec.Struct, frozen=True):
+    """What one event changed in a run. ``elapsed``: seconds of the run's clock, at ``stamp`` (Unix s)."""
+
+    run: str
+    head: Head
+    touched: Sequence[Part | Member]
+    notes: Sequence[Note]
+    stamp: float
+    elapsed: float
+    about: About | None = None  # of a run that is new, with its program
+    program: Program | None = None
+
+
+class Kept(msgspec.Struct, frozen=True):
+    """A run as it was recorded."""
+
+    about: About
+    program: Program
+    head: Head
+    members: list[Member]
+    parts: list[Part]
+    stamp: float
+    elapsed: float
+
+
+class Store:
+    """The runs of one edge. ``problem`` says why they are not on disk, empty while they are.
+
+    ``lost`` says that those of earlier processes could not be read.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        self.problem = self.lost = ""
+        self._path = folder / MISSIONS
+        self._database: sqlite3.Connection | None = None
+        self._thread = ThreadPoolExecutor(1, thread_name_prefix="fleet-missions")
+        try:
+            made(folder)
+            with locked(self._path):
+                self._database, aside = open_checked(self._path, FORMATS, "FULL")
+            if aside is not None:
+                self.lost = f"the runs of missions could not be read: set aside as {aside.name}"
+        except (StateError, sqlite3.Error, OSError) as error:
+            self._fail(error)
+
+    def save(self, change: Change, done: Callable[[bool], None]) -> None:
+        """Record a change; ``done`` hears, on the store's thread, whether it is on disk. Never raises."""
+        head = _encode(change.head)
+        rows = [(isinstance(each, Part), _key(each), _encode(each)) for each in change.touched]
+        try:
+            self._thread.submit(self._write, change, head, rows, done)
+        except RuntimeError:  # we are closed
+            done(False)
+
+    def knows(self, run: str) -> bool:
+        """Return whether a run of this id was ever recorded and is kept; waits for the disk."""
+        return self._thread.submit(self._knows, run).result()
+
+    def unfinished(self) -> list[Kept]:
+        """Return the runs that have not ended; before the first is saved. What cannot be read is told."""
+        if self._database is None:
+            return []
+        try:
+            rows = self._database.execute(
+                "SELECT id, about, program, head, stamp, elapsed FROM run WHERE NOT ended ORDER BY stamp"
+            ).fetchall()
+        except sqlite3.Error as error:
+            self._fail(error)
+            return []
+        found = []
+        for run, about, program, head, stamp, elapsed in rows:
+            try:
+                found.append(self._kept(run, about, program, head, stamp, elapsed))
+            except (msgspec.DecodeError, sqlite3.Error) as error:
+                self.lost = f"run {run} cannot be read, and nobody knows how it ended: {error}"
+                log.error("%s", self.lost)  # noqa: TRY400 - told in the edge's health
+                with contextlib.suppress(sqlite3.Error):
+                    self._database.execute("UPDATE run SET ended = 2 WHERE id = ?", (run,))
+        return found
+
+    def _knows(self, run: str) -> bool:
+        """Look for a run that has ended."""
+        if self._database is None:
+            return False
+        asked = "SELECT 1 FROM run WHERE id = ? AND ended"
+        return self._database.execute(asked, (run,)).fetchone() is not None
+
+    def ended(self, most: int, told: Callable[[list[tuple[About, Head, list[Member]]]], None]) -> None:
+        """Give ``told``, on the store's thread, the runs that ended, the newest first."""
+        self._thread.submit(lambda: told(self._ended(most)))
+
+    def story(self, run: str, told: Callable[[list[Told]], None]) -> None:
+        """Give ``told``, on the store's thread, the story of a run, the oldest line first."""
+        self._thread.submit(lambda: told(self._story(run)))
+
+    def close(self) -> None:
+        """Write what waits and close the file."""
+        self._thread.shutdown()
+        if self._database is not None:
+            self._database.close()
+            self._database = None
+
+    def _kept(self, run: str, about: str, program: str, head: str, stamp: float, elapsed: float) -> Kept:  # noqa: PLR0917 - a row
+        """Return a run of its rows; raises DecodeError, sqlite3.Error."""
+        return Kept(
+            decode_json(about.encode(), About),
+            decode_json(program.encode(), Program),
+            decode_json(head.encode(), Head),
+            [decode_json(row.encode(), Member) for row in self._states("member", run)],
+            [decode_json(row.encode(), Part) for row in self._states("part", run)],
+            stamp,
+            elapsed,
+        )
+
+    def _states(self, table: str, run: str) -> list[str]:
+        """Return the states of a run's members or parts."""
+        assert self._database is not None
+        rows = self._database.execute(f"SELECT state FROM {table} WHERE run = ?", (run,))  # noqa: S608 - ours
+        return [state for (state,) in rows]
+
+    def _write(
+        self, change: Change, head: bytes, rows: list[tuple[bool, str, bytes]], done: Callable[[bool], None]
+    ) -> None:
+        """Commit a change; on the store's thread."""
+        try:
+            if self._database is None:
+                raise sqlite3.OperationalError("there is no file")
+            self._commit(self._database, change, head, rows)
+        except sqlite3.Error as error:
+            self._fail(error)
+            done(False)
+        else:
+            done(True)
+
+    def _commit(
+        self, database: sqlite3.Connection, change: Change, head: bytes, rows: list[tuple[bool, str, bytes]]
+    ) -> None:
+        """Write a change in one transaction."""
+        run, ended = change.run, change.head.outcome is not None
+        with database:
+            database.execute("BEGIN IMMEDIATE")
+            if change.about is not None:
+                about, program = _encode(change.about).decode(), _encode(change.program).decode()
+                values = (run, about, program, head.decode(), ended, change.stamp, change.elapsed)
+                database.execute(_RUN, values)
+            else:
+                database.execute(_HEAD, (head.decode(), ended, change.stamp, change.elapsed, run))
+            for is_part, key, state in rows:
+                table = "part" if is_part else "member"
+                sql = f"INSERT OR REPLACE INTO {table} VALUES (?, ?, ?)"  # noqa: S608 - ours
+                database.execute(sql, (run, key, state.decode()))
+            database.executemany(
+                "INSERT INTO note (run, stamp, step, robot, text) VALUES (?, ?, ?, ?, ?)",
+                [(run, change.stamp, each.step, each.robot, each.text) for each in change.notes],
+            )
+            if ended:
+                self._prune(database)
+
+    def _prune(self, database: sqlite3.Connection) -> None:
+        """Delete the oldest runs that ended, beyond those that are kept."""
+        old = "SELECT id FROM run WHERE ended ORDER BY stamp DESC LIMIT -1 OFFSET ?"
+        gone = [run for (run,) in database.execute(old, (KEPT,))]
+        for table, column in (("note", "run"), ("part", "run"), ("member", "run"), ("run", "id")):
+            database.executemany(f"DELETE FROM {table} WHERE {column} = ?", [(run,) for run in gone])  # noqa: S608 - ours
+
+    def _ended(self, most: int) -> list[tuple[About, Head, list[Member]]]:
+        """Read the runs that ended."""
+        if self._database is None:
+            return []
+        rows = self._database.execute(
+            "SELECT id, about, head FROM run WHERE ended = 1 ORDER BY stamp DESC LIMIT ?", (most,)
+        ).fetchall()
+        return [
+            (
+                decode_json(about.encode(), About),
+                decode_json(head.encode(), Head),
+                [decode_json(row.encode(), Member) for row in self._states("member", run)],
+            )
+            for run, about, head in rows
+        ]
+
+    def _story(self, run: str) -> list[Told]:
+        """Read a story."""
+        if self._database is None:
+            return []
+        rows = self._database.execute(
+            "SELECT stamp, text, step, robot FROM note WHERE run = ? ORDER BY id", (run,)
+        )
+        return [Told(*row) for row in rows]
+
+    def _fail(self, error: Exception) -> None:
+        """Tell that runs are not recorded."""
+        problem = f"the runs of missions are not recorded: {error}"
+        if problem != self.problem:
+            log.error("%s", problem)
+        self.problem = problem
+
+
+def _key(each: Part | Member) -> str:
+    """Return what names a part or a member in its run."""
+    return each.identity if isinstance(each, Part) else each.robot
+
+
+def is_good(outcome: RunOutcome | None) -> bool:
+    """Return whether a run did what it was to do."""
+    return outcome in (RunOutcome.COMPLETED, RunOutcome.WITH_LOSSES)

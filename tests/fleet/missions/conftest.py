@@ -1,0 +1,86 @@
+import pytest
+from hypothesis import settings
+
+from fleet.missions.engine import Engine
+from fleet.missions.program import Act, Do, Program
+from fleet.missions.state import Begin, Ended, Facts, Member, Outcome, Prepare, Replied, Start, Tick
+
+SOAK = 10_000
+"""Lives of a run that are played with ``--soak``."""
+ROLES = {"kestrel": "eye", "beast": "feet", "rover": "feet"}
+
+
+class Play:
+    """A run that is played event by event; time is moved by hand."""
+
+    def __init__(self, *steps, robots=ROLES, **options):
+        self.now = 0.0
+        self.effects = []
+        quorum = options.pop("quorum", {"eye": 1, "feet": 1})
+        self.program = Program("patrol", steps, quorum, **options)
+        members = [Member(robot, role, at) for at, (robot, role) in enumerate(robots.items())]
+        self.engine = Engine("run", self.program, members)
+        for robot in robots:
+            self.take(Facts(robot, "ok", 80.0, (0.0, 0.0, 0.0)))
+        self.take(Start())
+
+    def take(self, event):
+        self.effects += self.engine.handle(event, self.now)
+        return self
+
+    def wait(self, seconds):
+        """Let time pass."""
+        self.now += seconds
+        return self.take(Tick())
+
+    def begun(self):
+        """Return what was begun: robot and words, in order."""
+        return [(each.part.robot, each.part.act.words) for each in self.effects if isinstance(each, Begin)]
+
+    def of(self, kind):
+        return [each for each in self.effects if isinstance(each, kind)]
+
+    def reply(self, robot, outcome=Outcome.DONE, reason="so it was", words=None):
+        """Let a robot say how what it does ended."""
+        parts = [part for part in self.engine.robots.active() if part.robot == robot]
+        found = [part for part in parts if words in (None, part.act.words)]
+        assert found, f"{robot} does nothing: {self.begun()}"
+        return self.take(Replied(found[0].identity, outcome, reason))
+
+    def stands(self, *robots):
+        """Let robots be seen standing."""
+        for robot in robots:
+            self.reply(robot, words="stop")
+        return self
+
+    def outcomes(self):
+        return {robot: member.outcome for robot, member in self.engine.robots.members.items()}
+
+    @property
+    def ended(self):
+        """How it ended; None while it has not."""
+        found = self.of(Ended)
+        assert len(found) <= 1
+        return found[0].outcome if found else None
+
+    @property
+    def preparing(self):
+        return [each.robot for each in self.of(Prepare)]
+
+
+def do(step="go", *, undo=None, **options):
+    """Return a step in which all robots go, and land to undo it."""
+    acts = options.pop("acts", {"all": (Act("goto", [1, 1], timeout=60.0),)})
+    return Do(step, acts, undo=undo or {}, **options)
+
+
+@pytest.fixture
+def play():
+    return Play
+
+
+def pytest_collection_modifyitems(config, items):
+    """Play more lives in a soak: the settings of a state machine are its class's."""
+    if config.getoption("--soak"):
+        for machine in {item.cls for item in items if hasattr(item.cls, "settings")}:
+            machine.settings = settings(machine.settings, max_examples=SOAK)

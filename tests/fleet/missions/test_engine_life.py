@@ -1,0 +1,302 @@
+"""What holds of a run whatever happens, in whatever order, and however often the process dies."""
+
+import msgspec
+from hypothesis import HealthCheck, settings
+from hypothesis import strategies as st
+from hypothesis.stateful import RuleBasedStateMachine, initialize, precondition, rule
+
+from fleet.missions.engine import Engine
+from fleet.missions.program import Act, Again, Ask, Condition, Do, Loop, Program, Require, Wait, WaitFor
+from fleet.missions.state import (
+    NEXT,
+    Abort,
+    Answer,
+    Begin,
+    EmergencyStop,
+    Ended,
+    Facts,
+    Head,
+    Heard,
+    Left,
+    Member,
+    Outcome,
+    Part,
+    Pause,
+    Phase,
+    Prepare,
+    Prepared,
+    Replied,
+    Restarted,
+    Resume,
+    Start,
+    StopAll,
+    Tick,
+)
+
+ROBOTS = {"kestrel": "eye", "beast": "feet", "rover": "feet"}
+GONE = [Outcome.LOST, Outcome.TAKEN, Outcome.STOPPED]
+ENDS = [Outcome.DONE, Outcome.DONE, Outcome.DONE, Outcome.FAILED, Outcome.REFUSED, Outcome.UNKNOWN]
+CONDITIONS = st.sampled_from(
+    [
+        None,
+        None,
+        Condition("eye", event="person"),
+        Condition("all", battery_min=30),
+        Condition("feet", health="ok"),
+    ]
+)
+ACTS = st.builds(
+    Act,
+    verb=st.sampled_from(["command", "goto", "plan"]),
+    value=st.sampled_from(["x", "land"]),
+    timeout=st.sampled_from([5.0, 60.0]),
+    retry=st.integers(0, 2),
+)
+BY_ROLE = st.dictionaries(
+    st.sampled_from(["eye", "feet", "all"]), ACTS.map(lambda act: (act,)), min_size=1, max_size=2
+)
+DOS = st.builds(
+    Do,
+    id=st.just("do"),
+    acts=BY_ROLE,
+    only_if=CONDITIONS,
+    finish=st.sampled_from(["all", "any", "eye"]),
+    together=st.booleans(),
+    failed_do=st.sampled_from(["hold", "land"]),
+    failed_then=st.sampled_from(["continue", "wait", "fail"]),
+    undo=st.one_of(st.just({}), BY_ROLE),
+)
+OTHERS = st.one_of(
+    st.builds(Wait, id=st.just("wait"), seconds=st.just(10.0), only_if=CONDITIONS),
+    st.builds(
+        WaitFor,
+        id=st.just("for"),
+        condition=CONDITIONS.filter(bool),
+        timeout=st.just(30.0),
+        fails=st.booleans(),
+    ),
+    st.builds(
+        Ask,
+        id=st.just("ask"),
+        text=st.just("Go on?"),
+        timeout=st.just(30.0),
+        on_timeout=st.sampled_from(["continue", "abort", "fail"]),
+    ),
+)
+
+
+@st.composite
+def programs(draw):
+    steps = draw(st.lists(st.one_of(DOS, DOS, OTHERS), min_size=1, max_size=4))
+    if draw(st.booleans()):
+        inner = draw(st.lists(st.one_of(DOS, OTHERS), min_size=1, max_size=2))
+        until = draw(CONDITIONS)
+        begin = len(steps)
+        steps += [Loop("again", draw(st.integers(1, 3)), begin + len(inner) + 2, until), *inner, Again(begin)]
+    return Program(
+        "mission",
+        tuple(steps),
+        draw(st.sampled_from([{"eye": 1, "feet": 1}, {"eye": 1, "feet": 2}, {"feet": 1}])),
+        draw(st.sampled_from([Require(), Require(battery_min=20)])),
+        deadline=draw(st.sampled_from([None, None, 400.0])),
+        on_failure=draw(st.sampled_from(["hold", "undo", "stop"])),
+        on_abort=draw(st.sampled_from(["hold", "land"])),
+        on_restart=draw(st.sampled_from(["fail", "hold_and_ask", "continue"])),
+    )
+
+
+class Life(RuleBasedStateMachine):
+    """A run, its robots as they are in truth, and what was recorded of it."""
+
+    @initialize(program=programs())
+    def begin(self, program):
+        self.program = program
+        self.now = 0.0
+        self.begun = set()
+        self.not_ours = set()
+        self.stopped = False
+        self.ended = []
+        self.waiting = {}
+        self.preparing = {}
+        members = [Member(robot, role, at) for at, (robot, role) in enumerate(ROBOTS.items())]
+        self.recorded = {member.robot: msgspec.json.encode(member) for member in members}
+        self.parts = {}
+        self.engine = Engine("run", program, members)
+        self.head = msgspec.json.encode(self.engine.head)
+        self.phase = self.engine.head.phase
+        for robot in ROBOTS:
+            self.send(Facts(robot, "ok", 80.0, (0.0, 0.0, 0.0)))
+        self.send(Start())
+
+    def record(self):
+        for each in self.engine.changes():
+            where = self.parts if isinstance(each, Part) else self.recorded
+            where[each.identity if isinstance(each, Part) else each.robot] = msgspec.json.encode(each)
+        self.head = msgspec.json.encode(self.engine.head)
+
+    def send(self, event, *, dies=False):
+        over = self.engine.over
+        effects = self.engine.handle(event, self.now)
+        assert self.engine.head.phase in NEXT[self.phase] | {self.phase}, (self.phase, self.engine.head.phase)
+        self.phase = self.engine.head.phase
+        assert not (over and effects), "nothing follows the end"
+        self.record()
+        for effect in effects:
+            self.check(effect)
+            if not dies:
+                self.carry_out(effect)
+
+    def check(self, effect):
+        match effect:
+            case Begin(part):
+                assert part.identity not in self.begun, f"{part.identity} is begun twice"
+                assert part.robot not in self.not_ours, f"{part.robot} is commanded and not ours"
+                assert part.identity in self.parts, f"{part.identity} is not recorded"
+                assert not (self.stopped and part.kind != "halt"), "something follows an emergency stop"
+                self.begun.add(part.identity)
+            case Prepare(robot) | EmergencyStop((robot,)):
+                assert robot not in self.not_ours
+            case Ended():
+                self.ended.append(effect)
+                assert len(self.ended) == 1
+            case _:
+                pass
+
+    def carry_out(self, effect):
+        match effect:
+            case Begin(part):
+                self.waiting[part.identity] = part
+            case Prepare(robot):
+                self.preparing[robot] = effect
+            case EmergencyStop(robots):
+                self.not_ours |= set(robots)
+            case _:
+                pass
+
+    @rule(seconds=st.sampled_from([0.2, 3.0, 20.0, 120.0]))
+    def time_passes(self, seconds):
+        self.now += seconds
+        self.send(Tick())
+
+    @precondition(lambda self: self.waiting)
+    @rule(data=st.data(), outcome=st.sampled_from(ENDS))
+    def a_robot_replies(self, data, outcome):
+        identity = data.draw(st.sampled_from(sorted(self.waiting)))
+        del self.waiting[identity]
+        self.send(Replied(identity, outcome, "so it was"))
+
+    @precondition(lambda self: self.waiting)
+    @rule(data=st.data())
+    def an_answer_comes_twice(self, data):
+        identity = data.draw(st.sampled_from(sorted(self.waiting)))
+        self.send(Replied(identity, Outcome.DONE))
+        self.send(Replied(identity, Outcome.FAILED, "no"))
+
+    @precondition(lambda self: self.preparing)
+    @rule(data=st.data(), refusal=st.sampled_from(["", "", "", "no"]))
+    def a_robot_is_prepared(self, data, refusal):
+        robot = data.draw(st.sampled_from(sorted(self.preparing)))
+        del self.preparing[robot]
+        self.send(Prepared(robot, refusal))
+
+    @rule(robot=st.sampled_from(sorted(ROBOTS)), outcome=st.sampled_from(GONE))
+    def a_robot_leaves(self, robot, outcome):
+        self.not_ours.add(robot)
+        self.send(Left(robot, outcome, "gone"))
+
+    @rule(
+        robot=st.sampled_from(sorted(ROBOTS)),
+        battery=st.sampled_from([None, 5.0, 80.0]),
+        health=st.sampled_from(["ok", "fault"]),
+        x=st.sampled_from([0.0, 9.0]),
+        progress=st.sampled_from(["", "50 %", "60 %"]),
+    )
+    def something_is_seen(self, robot, battery, health, x, progress):
+        self.send(Facts(robot, health, battery, (x, 0.0, 0.0), progress))
+
+    @rule(robot=st.sampled_from(sorted(ROBOTS)))
+    def a_person_is_seen(self, robot):
+        self.send(Heard(robot, "person"))
+
+    @rule()
+    def somebody_pauses(self):
+        self.send(Pause("anna"))
+
+    @rule()
+    def somebody_resumes(self):
+        self.send(Resume("anna"))
+
+    @rule(goes_on=st.booleans(), question=st.integers(0, 3))
+    def somebody_answers(self, goes_on, question):
+        self.send(Answer(question, goes_on, "anna"))
+
+    @rule(rare=st.integers(0, 4))
+    def somebody_aborts(self, rare):
+        if rare == 0:
+            self.send(Abort("anna"))
+
+    @rule(rare=st.integers(0, 4), robots=st.sets(st.sampled_from(sorted(ROBOTS)), min_size=2))
+    def several_are_stopped(self, rare, robots):
+        if rare == 0:
+            self.not_ours |= robots
+            self.stopped = True
+            self.send(StopAll(tuple(sorted(robots)), "anna"))
+
+    @rule(seconds=st.sampled_from([0.0, 5.0, 100.0]), rare=st.integers(0, 2))
+    def the_process_dies(self, seconds, rare):
+        if rare:
+            return
+        self.restart(seconds)
+
+    @rule(outcome=st.sampled_from(ENDS), seconds=st.sampled_from([0.0, 5.0]))
+    def the_process_dies_before_it_commands(self, outcome, seconds):
+        """Record what an event led to, and carry out nothing of it."""
+        event = Tick()
+        if self.waiting:
+            identity = min(self.waiting)
+            del self.waiting[identity]
+            event = Replied(identity, outcome)
+        self.send(event, dies=True)
+        self.restart(seconds)
+
+    def restart(self, seconds):
+        if self.engine.over:
+            return
+        self.now += seconds
+        self.waiting, self.preparing = {}, {}
+        self.engine = Engine(
+            "run",
+            self.program,
+            [msgspec.json.decode(each, type=Member) for each in self.recorded.values()],
+            head=msgspec.json.decode(self.head, type=Head),
+            parts=[msgspec.json.decode(each, type=Part) for each in self.parts.values()],
+        )
+        for robot in ROBOTS:
+            self.send(Facts(robot, "ok", 80.0, (0.0, 0.0, 0.0)))
+        self.send(Restarted())
+
+    def teardown(self):
+        """Nobody answers any more, and nobody cares: the run ends all the same."""
+        if not hasattr(self, "engine"):
+            return
+        self.send(Resume())
+        for _ in range(400):
+            if self.engine.over:
+                break
+            self.now += 61.0
+            self.send(Tick())
+            if self.engine.head.phase is Phase.PAUSED and self.engine.head.question is None:
+                self.send(Resume())
+        assert self.engine.over, self.engine.head
+        assert self.engine.head.outcome is not None
+        assert len(self.ended) == 1
+        assert all(not part.inflight for part in self.engine.robots.parts.values())
+
+
+TestLife = Life.TestCase
+TestLife.settings = settings(
+    max_examples=500,
+    stateful_step_count=30,
+    deadline=None,
+    suppress_health_check=list(HealthCheck),
+)

@@ -1,0 +1,223 @@
+"""The failure matrix of docs/missions.md: a test for each of its rows, and none without."""
+
+import inspect
+import re
+import sys
+from pathlib import Path
+
+import msgspec
+import pytest
+
+from fleet.missions.engine import Engine
+from fleet.missions.program import Act
+from fleet.missions.state import (
+    Abort,
+    Answer,
+    Facts,
+    Head,
+    Left,
+    Member,
+    Outcome,
+    Part,
+    Phase,
+    Prepared,
+    Restarted,
+    RunOutcome,
+    StopAll,
+)
+from tests.fleet.missions.conftest import do
+
+DOCS = Path(__file__).parents[3] / "docs" / "missions.md"
+LAND = {"all": (Act("command", "land", timeout=60.0),)}
+EVERYBODY = ("kestrel", "beast", "rover")
+
+
+def restarted(play):
+    """Begin the run anew from what was recorded, as another process does; returns what it was cut off at."""
+    old = play.engine
+    again = lambda each, kind: msgspec.json.decode(msgspec.json.encode(each), type=kind)  # noqa: E731
+    play.engine = Engine(
+        "run",
+        play.program,
+        [again(each, Member) for each in old.robots.members.values()],
+        head=again(old.head, Head),
+        parts=[again(each, Part) for each in old.robots.parts.values()],
+    )
+    play.effects.clear()
+    for robot in EVERYBODY:
+        play.take(Facts(robot, "ok", 80.0, (0.0, 0.0, 0.0)))
+    return play.take(Restarted())
+
+
+def test_one_robot_refuses_in_prepare(play):
+    run = play(do(together=True))
+    run.take(Prepared("kestrel")).take(Prepared("beast", "the goal is outside its fence"))
+    assert all(words == "stop" for _, words in run.begun()), "nobody moved"
+    run.stands(*EVERYBODY)
+    assert run.ended is RunOutcome.FAILED
+    assert "beast cannot: the goal is outside its fence; nobody moved" in run.engine.head.reason
+
+
+def test_robot_fails_in_a_step(play):
+    run = play(do(), do("home"))
+    run.reply("beast", Outcome.FAILED, "its motor stalls")
+    assert ("beast", "stop") in run.begun()
+    run.stands("beast").reply("kestrel").reply("rover")
+    assert [robot for robot, _ in run.begun()[-2:]] == ["kestrel", "rover"]
+    run.reply("kestrel").reply("rover")
+    assert run.ended is RunOutcome.WITH_LOSSES
+    assert run.outcomes() == {"kestrel": "done", "beast": "failed", "rover": "done"}
+
+
+def test_below_its_quorum_the_run_fails(play):
+    run = play(do(undo=LAND), on_failure="undo")
+    run.reply("kestrel", Outcome.FAILED, "no")
+    assert run.engine.head.phase is Phase.HALTING
+    run.stands(*EVERYBODY)
+    assert run.begun()[-3:] == [(robot, "land") for robot in EVERYBODY]
+    run.reply("kestrel").reply("beast").reply("rover")
+    assert run.ended is RunOutcome.UNDONE
+
+
+def test_its_link_falls(play):
+    run = play(do(), do("home"))
+    run.take(Left("rover", Outcome.LOST, "no heartbeat for 3 s"))
+    run.reply("kestrel").reply("beast").reply("kestrel").reply("beast")
+    assert run.ended is RunOutcome.WITH_LOSSES
+    assert [words for robot, words in run.begun() if robot == "rover"] == ["goto"], "not commanded again"
+
+
+def test_pilot_or_other_operator_takes_it(play):
+    run = play(do(undo=LAND), on_failure="undo")
+    run.take(Left("kestrel", Outcome.TAKEN, "authority lost: pilot"))
+    run.stands("beast", "rover").reply("beast").reply("rover")
+    assert run.ended is RunOutcome.UNDONE
+    assert [words for robot, words in run.begun() if robot == "kestrel"] == ["goto"], "no undo for it"
+
+
+def test_emergency_stop_of_one_robot(play):
+    run = play(do(), do("home"))
+    run.take(Left("beast", Outcome.STOPPED, "anna"))
+    run.reply("kestrel").reply("rover").reply("kestrel").reply("rover")
+    assert run.ended is RunOutcome.WITH_LOSSES
+    assert run.outcomes()["beast"] is Outcome.STOPPED
+    assert [words for robot, words in run.begun() if robot == "beast"] == ["goto"]
+
+
+def test_emergency_stop_of_group_edge_or_all(play):
+    run = play(do(undo=LAND), on_failure="undo")
+    run.take(StopAll(EVERYBODY, "anna"))
+    assert run.ended is RunOutcome.ABORTED
+    assert {words for _, words in run.begun()} == {"goto"}, "nothing is undone"
+
+
+def test_emergency_stop_of_a_group_with_some_of_its_robots(play):
+    run = play(do(undo=LAND), on_failure="undo")
+    run.take(StopAll(("beast", "rover"), "anna"))
+    assert run.begun()[-1] == ("kestrel", "stop")
+    run.stands("kestrel")
+    assert run.ended is RunOutcome.ABORTED
+
+
+def test_battery_policy_acts(play):
+    run = play(do(), do("home"))
+    run.take(Left("rover", Outcome.TAKEN, "return_to_home by battery"))
+    run.reply("kestrel").reply("beast").reply("kestrel").reply("beast")
+    assert run.ended is RunOutcome.WITH_LOSSES
+    assert [words for robot, words in run.begun() if robot == "rover"] == ["goto"], "its way home goes on"
+
+
+def test_require_is_missed_before_a_step(play):
+    from fleet.missions.program import Require  # noqa: PLC0415
+
+    run = play(do(), do("home"), require=Require(battery_min=60))
+    run.take(Facts("beast", "ok", 55.0)).reply("kestrel").reply("beast").reply("rover")
+    assert run.outcomes()["beast"] is Outcome.REFUSED
+    assert "55 %, 60 % is required" in run.engine.robots.members["beast"].reason
+
+
+def test_edge_process_killed_between_steps(play):
+    from fleet.missions.program import Wait  # noqa: PLC0415
+
+    run = restarted(play(Wait("rest", 30.0), do(), on_restart="continue"))
+    assert run.ended is None
+    run.wait(31.0)
+    assert run.begun() == [(robot, "goto") for robot in EVERYBODY]
+
+
+@pytest.mark.parametrize("policy", ["hold_and_ask", "continue"])
+def test_edge_process_killed_within_a_step(play, policy):
+    run = restarted(play(do(), do("home"), on_restart=policy))
+    assert run.begun() == [(robot, "stop") for robot in EVERYBODY], "a begun step is never begun again"
+    assert {part.outcome for part in run.engine.robots.parts.values() if part.kind == "do"} == {
+        Outcome.UNKNOWN
+    }
+    run.stands(*EVERYBODY).take(Answer(1, goes_on=True, by="anna"))
+    assert run.begun()[3:] == [(robot, "goto") for robot in EVERYBODY]
+    assert all(part.step.startswith("home") for part in run.engine.robots.active())
+
+
+def test_edge_process_killed_and_nobody_answers(play):
+    run = restarted(play(do()))
+    run.stands(*EVERYBODY).wait(601.0).stands(*EVERYBODY)
+    assert run.ended is RunOutcome.ABORTED
+
+
+def test_edge_process_killed_with_on_restart_fail(play):
+    run = restarted(play(do(undo=LAND), on_restart="fail", on_failure="undo"))
+    run.stands(*EVERYBODY)
+    assert run.ended is RunOutcome.FAILED
+    assert {words for _, words in run.begun()} == {"stop"}
+
+
+def test_edge_process_killed_while_it_is_undone(play):
+    run = play(do(undo=LAND), on_failure="undo")
+    run.reply("kestrel", Outcome.FAILED, "no").stands(*EVERYBODY)
+    restarted(run)
+    assert run.ended is RunOutcome.UNDO_FAILED
+    assert run.begun() == [], "what may still be landing is left to it"
+
+
+def test_what_lands_is_not_broken_off(play):
+    land = {"eye": (Act("command", "land", timeout=60.0),), "feet": (Act("goto", [1, 1], timeout=60.0),)}
+    run = play(do(acts=land))
+    run.take(Left("beast", Outcome.LOST, "x")).take(Left("rover", Outcome.LOST, "x"))
+    assert run.ended is None, "it waits for the landing"
+    assert run.begun()[-1] == ("rover", "goto"), "nobody is stopped"
+    run.reply("kestrel")
+    assert run.ended is RunOutcome.FAILED
+
+
+def test_undo_fails(play):
+    run = play(do(undo=LAND), on_failure="undo")
+    run.reply("kestrel", Outcome.FAILED, "no").stands(*EVERYBODY)
+    run.reply("beast", Outcome.REFUSED, "it has a fault").stands("beast").reply("kestrel").reply("rover")
+    assert run.ended is RunOutcome.UNDO_FAILED
+    assert "beast could not undo go.1: it has a fault" in run.engine.head.reason
+
+
+def test_clock_jumps(play):
+    run = play(do(), deadline=100.0)
+    run.wait(99.0)
+    assert run.ended is None
+    run.wait(2.0).stands(*EVERYBODY)
+    assert run.ended is RunOutcome.FAILED
+
+
+def test_a_person_aborts(play):
+    run = play(do(), on_abort="land")
+    run.take(Abort("anna"))
+    assert run.begun()[3:] == [(robot, "land") for robot in EVERYBODY]
+    run.reply("kestrel").reply("beast").reply("rover")
+    assert run.ended is RunOutcome.ABORTED
+
+
+def test_every_row_of_the_matrix_has_its_test():
+    table = DOCS.read_text(encoding="utf-8").partition("## Failure matrix")[2].partition("\n## ")[0]
+    rows = re.findall(r"\| `(test_\w+)` \|$", table, re.MULTILINE)
+    here = {name for name, _ in inspect.getmembers(sys.modules[__name__], inspect.isfunction)}
+    tests = {name for name in here if name.startswith("test_")} - {
+        test_every_row_of_the_matrix_has_its_test.__name__
+    }
+    assert set(rows) == tests
+    assert len(rows) == len(set(rows))

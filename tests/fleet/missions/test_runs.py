@@ -1,0 +1,349 @@
+"""Runs of an edge whose robots answer by hand: recorded, commanded, given back, taken up again."""
+
+import json
+import sqlite3
+
+import msgspec
+import pytest
+
+from fleet.config.missions import mission_of
+from fleet.missions.report import ControlAsk, StartAsk
+from fleet.missions.roles import Candidate
+from fleet.missions.runs import BACK_WITHIN, JOIN_WITHIN, Runs
+from fleet.missions.state import Facts
+from fleet.missions.store import Store
+from fleet.model.command import Reply, ReplyStatus, Request, Transport
+from fleet.model.geometry import Vector3
+from fleet.model.site import Placement
+from fleet.model.state import RobotState
+from fleet.testing.clock import ManualClock
+
+MISSION = {
+    "version": 1,
+    "roles": {"eye": {"from": "kestrel"}, "feet": {"from": "beast"}},
+    "steps": [
+        {"id": "up", "do": {"eye": "takeoff"}, "undo": {"eye": "land"}},
+        {"id": "go", "do": {"all": {"goto": [1, 2]}}},
+    ],
+    "on_failure": "undo",
+}
+
+
+class Robot:
+    """A robot that does what it is told when the test says so."""
+
+    def __init__(self, name):
+        self.name = name
+        self.told = []
+        self.waiting = {}
+        self.refuses = {}
+        here = Vector3(0.0, 0.0, 0.0)
+        self.now = RobotState(
+            name,
+            "t",
+            "toy",
+            "yard",
+            0.0,
+            "ok",
+            reachable=True,
+            battery=80.0,
+            site=here,
+            placement=Placement(here, 0.0),
+        )
+
+    def state(self):
+        return self.now
+
+    def be(self, **fields):
+        self.now = msgspec.structs.replace(self.now, **fields)
+
+    def would_refuse(self, kind, payload, *, way):
+        return self.refuses.get(json.loads(payload)["command"], "")
+
+    def read(self, kind, payload, *, way, request_id="", waits=False):
+        message = json.loads(payload)
+        return Request(lambda answer: self._take(message, way, request_id, answer))
+
+    def _take(self, message, way, request_id, answer):
+        name = message["command"]
+        self.told.append((name, request_id))
+        if name in self.refuses:
+            answer(Reply(name, ReplyStatus.REJECTED, self.refuses[name]))
+        elif name == "join_run":
+            self.be(run=message["data"]["run"])
+            answer(Reply(name, ReplyStatus.ACCEPTED, done=True))
+        elif name == "leave_run":
+            self.be(run="")
+            answer(Reply(name, ReplyStatus.ACCEPTED, done=True))
+        else:
+            answer(Reply(name, ReplyStatus.ACCEPTED))
+            self.waiting[name] = answer
+
+    def done(self, name):
+        self.waiting.pop(name)(Reply(name, ReplyStatus.ACCEPTED, done=True))
+
+    @property
+    def names(self):
+        return [name for name, _ in self.told if name not in ("join_run", "leave_run")]
+
+
+class Yard:
+    """An edge's runs, whose event loop is the test's own."""
+
+    def __init__(self, folder):
+        self.folder = folder
+        self.clock = ManualClock()
+        self.robots = {name: Robot(name) for name in ("kestrel", "beast")}
+        self.denied = {}
+        self.told = []
+        self.stopped = []
+        self.soon = []
+        self.store = None
+        self.begin()
+
+    def begin(self):
+        """Be another process with the same disk."""
+        if self.store is not None:
+            self.store.close()
+        self.store = Store(self.folder)
+        self.soon.clear()
+        self.runs = Runs(
+            "yard",
+            self.robots,
+            candidates=lambda: [
+                Candidate(name, "toy", frozenset({"takeoff", "land", "goto"}), Facts(name, "ok", 80.0))
+                for name in self.robots
+            ],
+            allowed=lambda robot, origin, _commands, _navigates: self.denied.get((robot, origin.way)),
+            places={},
+            store=self.store,
+            clock=self.clock,
+            soon=self.soon.append,
+            stop=lambda robots, why: self.stopped.append(robots),
+            told=self.told.append,
+        )
+
+    def settle(self):
+        """Let the disk and the loop do what waits."""
+        for _ in range(20):
+            self.store._thread.submit(lambda: None).result(20)
+            calls, self.soon[:] = list(self.soon), []
+            for call in calls:
+                call()
+
+    def start(self, mission=MISSION, *, way=Transport.BUS, **fields):
+        began = []
+        ask = StartAsk(run="3f2a", session_id="anna", **fields)
+        found = mission_of("patrol", mission)
+        self.runs.start(found, found.program({}), ask, way, lambda *given: began.append(given))
+        self.settle()
+        return began
+
+    def turn(self, seconds=0.2):
+        self.clock.advance(seconds)
+        self.runs.turn()
+        self.settle()
+
+    def done(self, robot, name):
+        self.robots[robot].done(name)
+        self.settle()
+
+    @property
+    def last(self):
+        return self.told[-1]
+
+
+@pytest.fixture
+def yard(tmp_path):
+    made = Yard(tmp_path)
+    yield made
+    made.store.close()
+
+
+def test_a_run_goes_through_its_steps_and_gives_its_robots_back(yard):
+    ((run, roles, refusal),) = yard.start()
+    assert (run, roles, refusal) == ("3f2a", {"eye": ["kestrel"], "feet": ["beast"]}, "")
+    yard.done("kestrel", "takeoff")
+    yard.done("kestrel", "goto")
+    yard.done("beast", "goto")
+    assert yard.last.outcome == "completed"
+    assert {robot.now.run for robot in yard.robots.values()} == {""}
+    identities = [identity for robot in yard.robots.values() for _, identity in robot.told if identity]
+    assert identities[0] == "3f2a/up.1/kestrel/1"
+    assert len(identities) == len(set(identities)) == 3
+
+
+def test_what_is_begun_is_on_disk_before_the_robot_hears_of_it(yard):
+    found = mission_of("patrol", MISSION)
+    yard.runs.start(found, found.program({}), StartAsk(run="3f2a"), Transport.BUS, lambda *_: None)
+    assert yard.robots["kestrel"].names == [], "the disk has not said so yet"
+    yard.settle()
+    assert yard.robots["kestrel"].names == ["takeoff"]
+    (kept,) = Store(yard.folder).unfinished()
+    assert [part.identity for part in kept.parts] == ["3f2a/up.1/kestrel/1"]
+
+
+def test_a_run_that_the_disk_does_not_take_begins_nothing(yard):
+    yard.store._database.close()
+    yard.store._database = sqlite3.connect(":memory:", check_same_thread=False)  # none of our tables
+    yard.start()
+    assert yard.last.outcome == "failed"
+    assert "not begun: the runs of missions are not recorded" in yard.last.reason
+    assert yard.robots["kestrel"].names == []
+    assert {robot.now.run for robot in yard.robots.values()} == {""}
+
+
+def test_a_run_under_way_goes_on_though_the_disk_fails(yard):
+    yard.start()
+    yard.store._database.close()
+    yard.store._database = sqlite3.connect(":memory:", check_same_thread=False)
+    yard.done("kestrel", "takeoff")
+    assert yard.robots["kestrel"].names == ["takeoff", "goto"]
+    assert "not recorded" in yard.last.problem or yard.store.problem
+
+
+def test_a_robot_that_does_not_join_keeps_everybody_standing(yard):
+    yard.robots["beast"].refuses["join_run"] = "anna has control for 2.0 s more"
+    ((run, _, refusal),) = yard.start()
+    assert (run, refusal) == ("", "beast: anna has control for 2.0 s more")
+    assert yard.robots["kestrel"].now.run == ""
+    assert yard.robots["kestrel"].names == yard.robots["beast"].names == []
+
+
+def test_a_robot_that_does_not_answer_is_not_waited_for_for_ever(yard):
+    yard.robots["beast"].read = lambda *_, **__: None
+    assert yard.start() == []
+    yard.turn(JOIN_WITHIN + 1)
+    assert yard.robots["kestrel"].now.run == ""
+    assert yard.runs.states() == []
+
+
+def test_who_may_not_command_a_robot_gains_nothing_by_a_mission(yard):
+    yard.denied["beast", Transport.CLOUD] = "source_type 'edit'; this robot obeys tele"
+    ((run, _, refusal),) = yard.start(way=Transport.CLOUD, source_type="edit")
+    assert (run, refusal) == ("", "beast: source_type 'edit'; this robot obeys tele")
+    assert all(robot.told == [] for robot in yard.robots.values())
+
+
+def test_a_repeat_of_a_start_is_the_same_run(yard):
+    yard.start()
+    ((run, _, refusal),) = yard.start()
+    assert (run, refusal) == ("3f2a", "")
+    assert yard.robots["kestrel"].names == ["takeoff"]
+
+
+def test_a_mission_that_must_be_rehearsed_is_refused(yard):
+    ((_, _, refusal),) = yard.start({**MISSION, "rehearse": "required"})
+    assert "rehearsed" in refusal
+
+
+def test_two_runs_do_not_occupy_one_place(yard):
+    yard.start({**MISSION, "occupies": ["gate"]})
+    began = []
+    other = mission_of("other", {**MISSION, "occupies": ["gate"]})
+    yard.runs.start(
+        other, other.program({}), StartAsk(run="77"), Transport.BUS, lambda *given: began.append(given)
+    )
+    assert began[0][2] == "run 3f2a of patrol occupies gate"
+
+
+@pytest.mark.parametrize(
+    ("fields", "outcome"),
+    [
+        ({"run": "", "left_run": "taken: land by anna"}, "taken"),
+        ({"run": "", "left_run": "stopped: stop by anna"}, "stopped"),
+        ({"run": "", "left_run": "lost: no heartbeat"}, "lost"),
+        ({"run": ""}, "lost"),
+        ({"reachable": False, "cause": "no heartbeat"}, "lost"),
+        ({"emergency_stop": True, "stop_cause": "anna"}, "stopped"),
+    ],
+)
+def test_a_robot_that_left_is_not_commanded_again(yard, fields, outcome):
+    yard.start()
+    yard.robots["kestrel"].be(**fields)
+    told = list(yard.robots["kestrel"].names)
+    yard.turn()
+    robots = {robot.robot: robot for robot in yard.last.robots}
+    assert robots["kestrel"].outcome == outcome
+    yard.done("beast", "stop")
+    assert yard.last.outcome == "undone"  # nothing was left to be undone: the drone is not ours
+    assert yard.robots["kestrel"].names == told
+
+
+def test_a_stop_of_everything_ends_every_run(yard):
+    yard.start()
+    yard.runs.stopped((), "anna")
+    yard.settle()
+    assert yard.last.outcome == "aborted"
+    assert "land" not in yard.robots["kestrel"].names
+
+
+def test_a_stop_of_one_robot_is_seen_and_no_more(yard):
+    yard.start()
+    yard.runs.stopped(("beast", "beast"), "anna")
+    assert yard.last.outcome == ""
+
+
+def test_a_killed_edge_begins_nothing_twice_and_asks(yard):
+    yard.start()
+    yard.begin()
+    yard.robots["kestrel"].be(run="", reachable=False)
+    yard.runs.take_up()
+    yard.turn()
+    assert yard.runs.states() == [], "its robots are not back yet"
+    yard.robots["kestrel"].be(reachable=True)
+    yard.robots["beast"].be(run="")
+    yard.turn()
+    assert yard.robots["kestrel"].names == ["takeoff", "stop"]
+    question = yard.last.question
+    assert "restarted in step up.1" in question.text
+    yard.done("kestrel", "stop")
+    yard.done("beast", "stop")
+    assert yard.runs.control("3f2a", ControlAsk("answer", question=question.id, goes_on=True)) == ""
+    yard.settle()
+    yard.done("kestrel", "goto")
+    yard.done("beast", "goto")
+    assert yard.last.outcome == "completed"
+    assert yard.robots["kestrel"].names == ["takeoff", "stop", "goto"]
+
+
+def test_a_robot_that_does_not_come_back_is_lost(yard):
+    yard.start()
+    yard.begin()
+    for robot in yard.robots.values():
+        robot.be(run="")
+    yard.robots["kestrel"].be(reachable=False)
+    yard.runs.take_up()
+    yard.turn(BACK_WITHIN + 1)
+    assert {robot.robot: robot.outcome for robot in yard.last.robots}["kestrel"] == "lost"
+
+
+def test_a_run_waits_for_an_event_of_its_robots(yard):
+    seen = {"role": "eye", "event": "person_seen", "timeout": "1 min"}
+    steps = [{"id": "look", "wait_for": seen}, {"id": "up", "do": {"eye": "takeoff"}}]
+    yard.start({**MISSION, "steps": steps})
+    yard.runs.heard("beast", "person_seen")
+    yard.turn()
+    assert yard.robots["kestrel"].names == []
+    yard.runs.heard("kestrel", "person_seen")
+    yard.turn()
+    assert yard.robots["kestrel"].names == ["takeoff"]
+
+
+def test_a_run_that_fails_in_the_edge_stops_its_robots_and_ends_unknown(yard, monkeypatch):
+    yard.start()
+    monkeypatch.setattr(yard.runs._runs["3f2a"].engine.steps, "time_passes", None)
+    yard.turn()
+    assert yard.last.outcome == "unknown"
+    assert yard.robots["kestrel"].names[-1] == yard.robots["beast"].names[-1] == "stop"
+    assert {robot.now.run for robot in yard.robots.values()} == {""}
+    assert yard.runs.states() == []
+
+
+def test_controls_tell_why_they_are_refused(yard):
+    yard.start()
+    assert yard.runs.control("77", ControlAsk("abort")) == "there is no run '77' under way"
+    assert yard.runs.control("3f2a", ControlAsk("answer")) == "it asks nothing"
+    assert yard.runs.control("3f2a", ControlAsk("resume")) == "not possible while it is step"
+    assert yard.runs.control("3f2a", ControlAsk("pause")) == ""
+    assert yard.runs.control("3f2a", ControlAsk("abort")) == ""

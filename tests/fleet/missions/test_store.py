@@ -1,0 +1,118 @@
+"""What is recorded of runs outlives the process."""
+
+import queue
+import sqlite3
+
+import pytest
+
+from fleet.missions.program import Act, Program, Wait
+from fleet.missions.state import Begun, Head, Member, Note, Part, Phase, RunOutcome
+from fleet.missions.store import MISSIONS, About, Change, Store
+
+ABOUT = About("r1", "patrol", "ab12", 1000.0, "anna", inputs={"height": 5})
+PROGRAM = Program("patrol", (Wait("rest", 5.0),), {"eye": 1})
+PART = Part("r1/up.1/kestrel/1", "up.1", "kestrel", "eye", 1, "do", Act("command", "takeoff"), 0.0, 60.0)
+
+
+@pytest.fixture
+def store(tmp_path):
+    """Open the store of a folder, again and again; the one before is closed."""
+    opened = []
+
+    def store():
+        while opened:
+            opened.pop().close()
+        opened.append(Store(tmp_path))
+        return opened[-1]
+
+    yield store
+    while opened:
+        opened.pop().close()
+
+
+def save(store, head, touched=(), notes=(), *, new=False, run="r1"):
+    """Record a change; returns whether it is on disk."""
+    done = queue.Queue()
+    about = ABOUT if new else None
+    change = Change(run, head, touched, notes, 1000.0, 1.5, about, PROGRAM if new else None)
+    store.save(change, done.put)
+    return done.get(timeout=20)
+
+
+def test_a_run_is_found_as_it_was_by_the_next_process(store):
+    first = store()
+    head = Head(Phase.STEP, at=1, begun=[Begun(0, "up.1")], loops={"0": 2})
+    member = Member("kestrel", "eye", 0)
+    assert save(first, head, [member, PART], [Note("takeoff begun", "kestrel", "up.1")], new=True)
+    (kept,) = store().unfinished()
+    assert (kept.about, kept.program, kept.head) == (ABOUT, PROGRAM, head)
+    assert (kept.members, kept.parts, kept.elapsed) == ([member], [PART], 1.5)
+
+
+def test_an_ended_run_is_history_with_its_story(store):
+    first = store()
+    save(first, Head(), [Member("kestrel", "eye", 0)], [Note("one")], new=True)
+    save(first, Head(Phase.ENDED, outcome=RunOutcome.ABORTED), notes=[Note("two")])
+    second = store()
+    assert second.unfinished() == []
+    told = queue.Queue()
+    second.ended(10, told.put)
+    ((about, head, members),) = told.get(timeout=20)
+    assert (about.run, head.outcome, members[0].robot) == ("r1", RunOutcome.ABORTED, "kestrel")
+    second.story("r1", told.put)
+    assert [line.text for line in told.get(timeout=20)] == ["one", "two"]
+
+
+def test_a_run_of_another_version_is_told_and_keeps_no_other_from_starting(store):
+    first = store()
+    save(first, Head(), new=True)
+    first._database.execute('UPDATE run SET head = \'{"phase": "flying"}\'')
+    second = store()
+    assert second.unfinished() == []
+    assert "run r1 cannot be read" in second.lost
+    assert second.problem == ""
+    assert second.knows("r1")
+    assert store().unfinished() == []
+
+
+def test_an_ended_run_is_known(store):
+    opened = store()
+    save(opened, Head(), new=True)
+    assert not opened.knows("r1"), "a repeat of one under way is the same run"
+    save(opened, Head(Phase.ENDED, outcome=RunOutcome.ABORTED))
+    assert opened.knows("r1")
+    assert not opened.knows("r2")
+
+
+def test_a_damaged_file_is_set_aside_and_told(store, tmp_path):
+    (tmp_path / MISSIONS).write_bytes(b"no database" * 1000)
+    opened = store()
+    assert "could not be read" in opened.lost
+    assert opened.problem == ""
+    assert save(opened, Head(), new=True)
+
+
+def test_a_disk_that_takes_nothing_is_told(store):
+    opened = store()
+    opened._database.close()
+    opened._database = sqlite3.connect(":memory:", check_same_thread=False)  # none of our tables
+    assert save(opened, Head(), new=True) is False
+    assert "are not recorded" in opened.problem
+
+
+def test_only_so_many_ended_runs_are_kept(store, monkeypatch):
+    monkeypatch.setattr("fleet.missions.store.KEPT", 2)
+    opened = store()
+    for number in range(4):
+        run = f"r{number}"
+        about = About(run, "patrol", "", 1000.0 + number)
+        done = queue.Queue()
+        head = Head(Phase.ENDED, outcome=RunOutcome.COMPLETED)
+        change = Change(run, head, [], [Note("x")], 1000.0 + number, 0.0, about, PROGRAM)
+        opened.save(change, done.put)
+        assert done.get(timeout=20)
+    told = queue.Queue()
+    opened.ended(10, told.put)
+    assert [about.run for about, _, _ in told.get(timeout=20)] == ["r3", "r2"]
+    opened.story("r0", told.put)
+    assert told.get(timeout=20) == []

@@ -1,0 +1,194 @@
+"""Missions of a drone and a wheeled robot, from the command line, on an edge that dies whenever it likes."""
+
+import itertools
+import json
+import os
+import random
+import re
+import signal
+import time
+import uuid
+
+import psutil
+import pytest
+
+from fleet.testing.waiting import wait_until
+
+KILLS, SOAK_KILLS = 5, 200
+SEED = random.randrange(1 << 30)
+MISSION = {
+    "version": 1,
+    "roles": {"eye": {"kind": "mavlink"}, "feet": {"from": "yard", "kind": "ugv"}},
+    "steps": [
+        {
+            "id": "out",
+            "do": {
+                "eye": {"command": "takeoff", "with": {"altitude": 4}},
+                "feet": {"goto": [1.5, -8]},
+            },
+            "undo": {"eye": "land"},
+        },
+        {"id": "home", "do": {"eye": "land", "feet": {"goto": [0, -8]}}},
+    ],
+    "on_failure": "undo",
+}
+pytestmark = pytest.mark.real_time
+TERMINAL = {"completed", "completed_with_losses", "failed", "undone", "undo_failed", "aborted", "unknown"}
+
+
+def _ready(state):
+    return state["health"] == "ok" and "site" in state
+
+
+@pytest.fixture
+def yard(fleet, tmp_path):
+    """Run an edge with a drone and a wheeled robot, both simulated, that are ready for a mission."""
+    latitude, longitude, altitude = 47.397742, 8.545594, 488.0
+    home = f"home={latitude},{longitude},{altitude:g},0"
+    robots = [
+        {"name": "kestrel", "adapter": "mavlink", "link": f"sim:px4?{home}"},
+        {"name": "beast", "adapter": "ugv", "profile": "waveshare-beast", "link": "sim:waveshare-beast"},
+    ]
+    robots[1]["start"] = [0, -8, 0]
+    missions = {policy: {**MISSION, "on_restart": policy} for policy in ("fail", "hold_and_ask", "continue")}
+    config = {
+        "edge": {"id": f"yard-{uuid.uuid4().hex[:6]}", "spool": {"path": "state"}},
+        "site": {"origin": [latitude, longitude, altitude]},
+        "groups": {"yard": [robot["name"] for robot in robots]},
+        "robots": [{**robot, "twin": str(uuid.uuid4())} for robot in robots],
+        "missions": missions,
+    }
+    (tmp_path / "fleet.yaml").write_text(json.dumps(config))
+    running = fleet("run", "--json", folder=tmp_path)
+    for robot in robots:
+        running.robot(robot["name"], "is ready", _ready)
+    return running
+
+
+def start(yard, mission):
+    """Start a mission once its robots can; returns the run's id."""
+
+    def started():
+        called = yard.call("mission", "run", mission, "--detach", "--json")
+        return json.loads(called.stdout)["run"] if called.returncode == 0 else None
+
+    return wait_until("the mission begins", started)
+
+
+def run_of(yard, run):
+    """Return what the edge says of a run; None while it does not answer."""
+    called = yard.call("mission", "ps", "--all", "--json")
+    runs = json.loads(called.stdout)["runs"] if called.returncode == 0 else []
+    return next((each for each in runs if each["run"] == run), None)
+
+
+def robot(yard, name):
+    """Return what the edge says of a robot; nothing while it does not answer."""
+    called = yard.call("ps", "--json")
+    robots = json.loads(called.stdout)["robots"] if called.returncode == 0 else []
+    return next((each for each in robots if each["name"] == name), {"health": "offline", "run": "?"})
+
+
+def is_free(yard, name):
+    """Wait until a robot is well and in no run."""
+
+    def free():
+        state = robot(yard, name)
+        return _ready(state) and not state.get("run")
+
+    wait_until(f"{name} is given back", free)
+
+
+def told(yard, run):
+    """Return the story of a run."""
+    return json.loads(yard.call("mission", "log", run, "--json").stdout)["log"]
+
+
+def ended(yard, run, *, answers=False):
+    """Wait for a run's end; returns it. ``answers``: say continue to whatever it asks."""
+
+    def end():
+        state = run_of(yard, run)
+        if answers and state is not None and "question" in state:
+            yard.call("mission", "answer", "continue", run)
+        return state if state is not None and state.get("outcome") else None
+
+    return wait_until("the run ends", end, within=110)
+
+
+@pytest.mark.timeout(300)
+def test_a_drone_and_a_wheeled_robot_carry_out_a_mission(yard):
+    called = yard.call("mission", "run", "fail", "--json")
+    assert called.returncode == 0, called.stdout + called.stderr
+    state = json.loads(called.stdout)
+    assert state["outcome"] == "completed"
+    assert {each["robot"]: each["outcome"] for each in state["robots"]} == {
+        "kestrel": "done",
+        "beast": "done",
+    }
+    is_free(yard, "kestrel")
+
+
+@pytest.mark.timeout(300)
+def test_a_robot_in_a_run_obeys_nobody_else_until_it_is_taken(yard):
+    run = start(yard, "fail")
+    assert robot(yard, "beast")["run"] == run
+    refused = yard.call("goto", "beast", "1", "1")
+    assert refused.returncode == 5
+    assert f"it is in run {run}; fleet take takes it out of the run" in refused.stdout
+    assert yard.call("take", "beast").returncode == 0
+    state = ended(yard, run)
+    assert state["outcome"] == "undone"  # its role is not filled any more: the drone lands
+    robots = {each["robot"]: each for each in state["robots"]}
+    assert robots["beast"]["outcome"] == "taken"
+    assert not [line for line in told(yard, run) if line.get("robot") == "beast" and "undo" in line["text"]]
+
+
+@pytest.mark.timeout(300)
+def test_an_emergency_stop_of_all_ends_the_run_and_nothing_is_undone(yard):
+    run = start(yard, "fail")
+    wait_until("the base moves", lambda: "navigating" in robot(yard, "beast").get("activity", ""))
+    yard.call("stop", "--all")  # a busy machine may not see it stand in time; the run ends all the same
+    state = ended(yard, run)
+    assert state["outcome"] == "aborted"
+    assert {each["outcome"] for each in state["robots"]} == {"stopped"}
+    assert not any("land begun" in line["text"] for line in told(yard, run))
+
+
+@pytest.mark.timeout(9000)
+def test_a_run_ends_truly_whenever_the_edge_is_killed_and_begins_nothing_twice(yard, pytestconfig):
+    kills = SOAK_KILLS if pytestconfig.getoption("--soak") else KILLS
+    chance = random.Random(SEED)
+    policies = itertools.cycle(["hold_and_ask", "continue", "fail"])
+    for kill, policy in zip(range(kills), policies, strict=False):
+        run = start(yard, policy)
+        time.sleep(chance.uniform(0.0, 12.0))  # anywhere in it: nothing is awaited
+        before = run_of(yard, run)
+        (edge,) = psutil.Process(yard.process.pid).children()
+        os.kill(edge.pid, signal.SIGKILL)
+        state = ended(yard, run, answers=True)
+        assert state["outcome"] in TERMINAL, (SEED, kill, state)
+        begun = [
+            (line["step"], line["robot"], line["text"]) for line in told(yard, run) if "begun" in line["text"]
+        ]
+        assert len(begun) == len(set(begun)), (SEED, kill, begun)
+        if before is not None and not before.get("outcome") and policy == "fail":
+            assert state["outcome"] != "completed", (SEED, kill, state)
+        for name in ("kestrel", "beast"):
+            is_free(yard, name)
+        assert commands_are_carried_out_once(yard, run), (SEED, kill)
+        yard.call("send", "kestrel", "land", "--wait")
+
+
+def commands_are_carried_out_once(yard, run):
+    """Return whether no command of a run was accepted twice, by the robots' own history."""
+    records = json.loads(yard.call("history", "--json").stdout)
+    records = records["events"] if isinstance(records, dict) else records
+    accepted = [
+        (each["robot"], each["request"])
+        for each in records
+        if run in json.dumps(each.get("asker", {}))
+        and re.search(r"accepted$", each["text"])
+        and each.get("request")
+    ]
+    return len(accepted) == len(set(accepted))
