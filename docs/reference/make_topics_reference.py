@@ -76,7 +76,7 @@ RULES_TEXT = """\
 fleet.yaml changes a row under `cloud.rules` for all robots, or under a robot's own `rules`, which win. A
 topic's name is what stands behind the uuid; in another namespace, with the namespace in front:
 
-```yaml
+```yaml fragment
 cloud:
   profile: lte
   rules:

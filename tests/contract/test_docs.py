@@ -87,10 +87,11 @@ def test_the_adapters_in_the_guide_keep_the_contract(guide, name):
         test()
 
 
-def test_the_example_in_the_plugins_folder_is_a_test(root, monkeypatch):
+def test_the_test_in_the_tutorial_passes(root, monkeypatch):
     monkeypatch.syspath_prepend(str(root))
     names = {}
-    exec(compile(python_in(root / "plugins" / "README.md"), "README.md", "exec"), names)
+    page = root / "docs/tutorial/add-a-robot.md"
+    exec(compile(python_in(page), page.name, "exec"), names)
     names["TestTheContract"]().test_each_example_of_what_the_robot_says_means_something()
 
 
