@@ -155,7 +155,7 @@ class TopicsConfig(Model):
 
     rules: dict[OutwardName, TopicConfig] = Field(
         {},
-        description="Topics to the cloud, named as in docs/reference/topics.md (`joint/update` is `J update`).",
+        description="Topics to the cloud; names as in docs/reference/topics.md (`joint/update`: `J update`).",
     )
     inbound: dict[InwardName, InboundConfig] = Field({}, description="Topics from the cloud, by name.")
 
