@@ -18,6 +18,7 @@ from fleet.cli.main import fleet
 from fleet.config.load import load
 from fleet.config.schema import FleetConfig
 from fleet.plugins.registry import Registry
+from fleet_quadruped.robot.description import DogDescription
 
 ROOT = pathlib.Path(__file__).parents[2]
 PAGES = [
@@ -26,17 +27,18 @@ PAGES = [
 ]
 FENCE = re.compile(r"^( *)```([^\n]*)\n(.*?)^ *```", re.MULTILINE | re.DOTALL)
 LANGUAGES = {"python", "yaml", "yaml fragment", "sh", "json", "toml", "text", "mermaid"}
-OTHER_PROGRAMS = {"export", "source", "git", "uv", "pip", "mosquitto_pub", "nc"}
+OTHER_PROGRAMS = {"cd", "export", "source", "git", "uv", "pip", "mosquitto_pub", "nc"}
 BASE = {
     "edge": {"id": "yard-1"},
     "robots": [
         {
-            "name": "rex",
-            "twin": "6f0c9a1e-3a6c-4f5e-9d2e-0c5a4b3d2e11",
+            "name": name,
+            "twin": f"6f0c9a1e-3a6c-4f5e-9d2e-0c5a4b3d2e1{number}",
             "adapter": "mavlink",
             "link": "sim:px4",
-            "system_id": 7,
+            "system_id": number,
         }
+        for number, name in enumerate(("rex", "kestrel", "merlin", "beast"), 1)
     ],
     "groups": {"yard": ["rex"]},
 }
@@ -88,7 +90,7 @@ Tags.add_multi_constructor("!", lambda loader, _suffix, node: loader.construct_s
 
 @pytest.mark.parametrize("text", blocks("yaml fragment"))
 def test_a_fragment_of_yaml_has_known_fields(text):
-    known = set(FleetConfig.model_fields)
+    known = set(FleetConfig.model_fields) | set(DogDescription.model_fields)
     for plugin in Registry().load_all():
         known |= set(plugin.adapter.Config.model_fields)
     assert set(yaml.load(text, Tags)) <= known
@@ -124,7 +126,7 @@ def test_yaml_is_a_fleet_file_without_an_error(text, site):
 
 def commands_in(text):
     """Return the commands of a shell block, one a line, without comments, as lists of words."""
-    lines = text.replace("\\\n", " ").splitlines()
+    lines = text.replace("\\\n", " ").replace("&&", "\n").splitlines()
     return [words for line in lines if (words := shlex.split(line.rstrip("& "), comments=True))]
 
 
@@ -133,6 +135,8 @@ def check_fleet(words, context=None, command=fleet):
     context = click.Context(command, parent=context, info_name=words[0])
     _, rest, _ = command.make_parser(context).parse_args(list(words[1:]))
     if isinstance(command, click.Group):
+        if "show" in command.commands and (not rest or rest[0] not in command.commands):
+            rest = ["show", *rest]  # fleet adapters
         child = command.get_command(context, rest[0])
         assert child, f"no command {rest[0]!r}"
         check_fleet(rest, context, child)
@@ -154,7 +158,7 @@ def check_command(words):
     elif program == "sudo":
         check_command(words[words.index("python") :])
     elif program.startswith("python") and rest[0] == "-m":
-        assert importlib.util.find_spec(rest[1]), rest[1]
+        assert rest[1] in OTHER_PROGRAMS or importlib.util.find_spec(rest[1]), rest[1]
     elif program.startswith("python"):
         script = (ROOT / rest[0]).read_text(encoding="utf-8")
         assert rest[0] != "run.py" or f'"{rest[1]}": [' in script
