@@ -15,7 +15,8 @@ TARGET = HERE.with_name("mission-grammar.md")
 INTRODUCTION = """\
 # The grammar of missions
 
-Made from the models by `docs/reference/make_mission_reference.py`; do not edit. Begin with [missions](../how-to/missions.md).
+Made from the models by `docs/reference/make_mission_reference.py`; do not edit. Begin with
+[missions](../how-to/missions.md).
 
 - A duration is a number with its unit: `60 s`, `12 min`, `1 h`.
 - `{input: NAME}` stands for the whole value of an input, anywhere in the mission.
