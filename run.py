@@ -24,16 +24,19 @@ TO_FOLDER = ("--root-user-action=ignore", "--target")  # pip may be root's: the 
 VENV = "on Debian and Ubuntu: sudo apt-get install -y python3-venv"
 USAGE = """usage: python3 run.py demo [options of fleet demo]
        python3 run.py test [--fast | --soak] [options of pytest]
+       python3 run.py docs
 
 --fast: only what waits for nothing, a minute. --soak: many times as many examples, hours."""
 # What each word installs, besides the locked runtime packages. The demo leaves the tests' packages alone.
 PACKAGES = {
     "demo": ["--no-default-groups", "--extra", "all", "--inexact"],
     "test": ["--all-extras"],
+    "docs": ["--all-extras", "--group", "docs"],
 }
 PROGRAMS = {
     "demo": ["fleet", "demo"],
     "test": ["python", "-m", "pytest", "-n", "auto", "--dist", "loadgroup"],
+    "docs": ["python", "docs/build.py"],
 }
 
 

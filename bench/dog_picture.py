@@ -1,6 +1,6 @@
 """A picture for the docs: the path that the simulated dog really walked round a square, and its joints.
 
-uv run --group bench python -m bench dog_picture      writes docs/dog-walk.png
+uv run --group bench python -m bench dog_picture      writes docs/how-to/dog-walk.png
 """
 
 import math
@@ -14,7 +14,7 @@ from fleet_quadruped.robot.description import EXAMPLE, load_description
 from fleet_quadruped.sim.mujoco_world import MujocoWorld
 from fleet_quadruped.sim.rig import Rig
 
-TARGET = Path(__file__).parents[1] / "docs" / "dog-walk.png"
+TARGET = Path(__file__).parents[1] / "docs" / "how-to" / "dog-walk.png"
 SIDE, SPEED, TURN = 1.0, 0.5, 0.8  # m, m/s, rad/s
 WIDTH, HEIGHT, GAP = 1200, 560, 60
 COLOURS = {"abad": "#1b7f3b", "hip": "#1f4fbf", "knee": "#c2410c"}

@@ -51,7 +51,7 @@ class MavlinkAdapter(PayloadCommands, UpkeepCommands):
     holonomic: ClassVar[bool] = True
     limits: ClassVar[Limits] = Limits(speed=5.0, vertical_speed=2.0, yaw_rate=1.0, altitude=120.0)
     tells_home = True
-    failsafe = "the autopilot holds 1 to 3 s after the last velocity; what it does then: docs/drone-safety.md"
+    failsafe = "the autopilot holds 1 to 3 s after the last velocity (docs/how-to/drone-safety.md)"
     separation: ClassVar[Separation] = Separation(radius=1.5, braking=1.5, precedence=3)
 
     _hub: LinkHub

@@ -77,7 +77,7 @@ def show(out: Output, name: str | None, file: str | None) -> None:
     rows = [(plugin.name, plugin.state, _detail(plugin)) for plugin in plugins]
     out.table(("name", "state", "what it takes, or why it failed"), rows)
     if not plugins:
-        out.note("no adapter is installed; see docs/write-an-adapter.md")
+        out.note("no adapter is installed; see docs/how-to/write-an-adapter.md")
 
 
 def _named(name: str, plugins: Iterable[Plugin]) -> Plugin:

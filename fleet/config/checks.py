@@ -207,7 +207,7 @@ def check_bus(bus: BusConfig, document: Document) -> None:
             "whoever has a certificate of the authority may do everything, another edge or a program too"
         )
         document.warn(
-            document.marks["bus", "tls"], message, "say who may do what in bus.access (docs/bus.md)"
+            document.marks["bus", "tls"], message, "say who may do what in bus.access (docs/how-to/bus.md)"
         )
     if bus.scouting and (wrong := scouting_danger((*bus.listen, *bus.connect), proof, bus.insecure)):
         document.report(document.marks["bus", "scouting"], wrong)

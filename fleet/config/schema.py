@@ -123,10 +123,12 @@ class CloudConfig(TopicsConfig):
     )
 
     profile: Literal["lan", "lte", "satellite"] = Field(
-        "lan", description="How much the way to the cloud carries; docs/topics.md has the rates of each."
+        "lan",
+        description="Bandwidth to the cloud; rates of each profile: docs/reference/topics.md.",
     )
     channels: dict[ChannelName, ChannelConfig] = Field(
-        {}, description="Bus channels besides those in docs/topics.md that cross, by name; no other does."
+        {},
+        description="More bus channels for the cloud than those in docs/reference/topics.md, by name.",
     )
     environments: frozenset[UUID] = Field(
         frozenset(), description="Environments whose updates cross between the cloud and the bus."
@@ -183,7 +185,7 @@ class BusConfig(Model):
     listen: tuple[Locator, ...] = Field(
         (),
         description="Endpoints to open besides the Unix sockets, by which programs of this user on this "
-        "computer join (docs/bus.md).",
+        "computer join (docs/how-to/bus.md).",
     )
     connect: tuple[Locator, ...] = Field((), description="Endpoints to reach.")
     tls: BusTlsConfig | None = Field(None, description="Certificates; needed for tls/ and quic/ endpoints.")
@@ -199,7 +201,7 @@ class BusConfig(Model):
     access: dict[CommonName, Role] | None = Field(
         None,
         description="Who may do what, by the common name of the certificate: edge, worker (of this edge, by "
-        "its name), console, program or router; others may do nothing (docs/bus.md). Left out: whoever has a "
+        "its name), console, program or router; others may do nothing (docs/how-to/bus.md). Left out: every "
         "certificate of the authority may do everything.",
     )
 
@@ -311,16 +313,17 @@ class Sections(Model):
         "...} with what holds for each of them unless it says otherwise itself.",
     )
     missions: dict[Name, Any] = Field(
-        {}, description="What groups of robots shall do; docs/missions.md has the grammar."
+        {}, description="What groups of robots shall do; docs/how-to/missions.md has the grammar."
     )
     schedules: dict[Name, ScheduleConfig] = Field(
-        {}, description="When missions start by themselves (docs/groups.md)."
+        {}, description="When missions start by themselves (docs/how-to/groups.md)."
     )
     places: dict[Name, PlaceConfig] = Field(
         {}, description="Named points and areas: where robots are sent by name, and what missions occupy."
     )
     stop_inputs: tuple[StopInputConfig, ...] = Field(
-        (), description="Devices whose heartbeat lets robots move; docs/stops.md says what they are not."
+        (),
+        description="Devices whose heartbeat lets robots move; their limits: docs/explanation/stops.md.",
     )
     notify: tuple[NotifyConfig, ...] = Field(
         (), description="Webhooks and programs that are told of faults and stops, also without a cloud."

@@ -1,4 +1,4 @@
-"""How each topic is carried: the one table that the bridge runs on, and that docs/topics.md is made from.
+"""How each topic is carried: the one table of the bridge, and the source of docs/reference/topics.md.
 
 The class decides what happens when the cloud is slow or away: replies, status and events are kept in
 order on disk, latest-value state keeps only the newest, streams are dropped first. What fleet.yaml may

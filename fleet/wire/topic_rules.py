@@ -121,7 +121,7 @@ class TopicConfig(Model):
 
 
 class InboundConfig(Model):
-    """How one topic is taken from the cloud; what is left out stays as docs/topics.md has it."""
+    """How one topic is taken from the cloud; what is left out stays as in docs/reference/topics.md."""
 
     on: bool | None = Field(None, description="Subscribe to it at all.")
     rate: _Rate | None = Field(None, description="Messages a second at most; for what goes to the bus.")
@@ -154,7 +154,8 @@ class TopicsConfig(Model):
     """What may be said of the topics, for all robots or for one."""
 
     rules: dict[OutwardName, TopicConfig] = Field(
-        {}, description="Topics to the cloud, by name as in docs/topics.md (`joint/update` for `J update`)."
+        {},
+        description="Topics to the cloud; names as in docs/reference/topics.md (`joint/update`: `J update`).",
     )
     inbound: dict[InwardName, InboundConfig] = Field({}, description="Topics from the cloud, by name.")
 

@@ -43,11 +43,12 @@ class WalkerSdk:
 
 @pytest.fixture(scope="module")
 def guide(root):
-    """Return what docs/write-an-adapter.md defines."""
+    """Return what docs/how-to/write-an-adapter.md defines."""
     sys.modules["my_sdk"] = types.ModuleType("my_sdk")
     sys.modules["my_sdk"].WalkerSdk = WalkerSdk
     names = {"__name__": "guide"}
-    exec(compile(python_in(root / "docs" / "write-an-adapter.md"), "write-an-adapter.md", "exec"), names)
+    page = root / "docs/how-to/write-an-adapter.md"
+    exec(compile(python_in(page), page.name, "exec"), names)
     return names
 
 
@@ -86,15 +87,17 @@ def test_the_adapters_in_the_guide_keep_the_contract(guide, name):
         test()
 
 
-def test_the_example_in_the_plugins_folder_is_a_test(root, monkeypatch):
+def test_the_test_in_the_tutorial_passes(root, monkeypatch):
     monkeypatch.syspath_prepend(str(root))
     names = {}
-    exec(compile(python_in(root / "plugins" / "README.md"), "README.md", "exec"), names)
+    page = root / "docs/tutorial/add-a-robot.md"
+    exec(compile(python_in(page), page.name, "exec"), names)
     names["TestTheContract"]().test_each_example_of_what_the_robot_says_means_something()
 
 
 def test_the_mission_in_the_guide_can_be_flown(root):
-    (text,) = re.findall(r"```json\n(.*?)```", (root / "docs" / "drone-safety.md").read_text(), re.DOTALL)
+    page = (root / "docs/how-to/drone-safety.md").read_text()
+    (text,) = re.findall(r"```json\n(.*?)```", page, re.DOTALL)
     mission = plan_of(json.loads(text), "mission")
     assert [item.kind for item in mission.items] == ["waypoint", "loiter_time", "return_to_launch"]
 
@@ -108,8 +111,8 @@ def test_every_dependency_is_explained(root, project):
 
 
 def explained(root):
-    """Return each package with its bound, as the tables of docs/dependencies.md have them."""
-    lines = (root / "docs" / "dependencies.md").read_text().splitlines()
+    """Return each package with its bound, as the tables of docs/explanation/dependencies.md have them."""
+    lines = (root / "docs" / "explanation" / "dependencies.md").read_text().splitlines()
     rows = [[cell.strip() for cell in line.strip("| ").split("|")] for line in lines if line.startswith("|")]
     told = [
         row[-3:-1] for row in rows if (len(row) in (3, 4) and row[-2] == "any") or re.match("[<>=]", row[-2])
@@ -121,7 +124,7 @@ def test_every_page_that_the_sources_name_is_there(root):
     files = [path for folder in ("fleet", "adapters", "plugins") for path in (root / folder).rglob("*")]
     sources = [path.read_text() for path in files if path.suffix in (".py", ".yaml")]
     named = {page for text in sources for page in re.findall(r"docs/[\w/-]+\.md", text)}
-    assert "docs/config.md" in named
+    assert "docs/reference/config.md" in named
     assert [page for page in named if not (root / page).exists()] == []
 
 

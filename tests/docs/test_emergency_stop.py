@@ -10,7 +10,7 @@ from fleet_mavlink.adapter import MavlinkAdapter
 from fleet_quadruped.adapter import QuadrupedAdapter
 from fleet_ugv.adapter import UgvAdapter
 
-DOCS = Path(__file__).parents[2] / "docs"
+DOCS = Path(__file__).parents[2] / "docs" / "how-to"
 NOTHING = {
     "ugv.md": "nothing that moves the robot is obeyed",
     "quadruped.md": "nothing that moves the dog is obeyed",

@@ -11,7 +11,7 @@ import pytest
 from fleet.cli.main import COMMANDS
 from fleet.cli.output import ExitCode
 
-DOCS = pathlib.Path(__file__).parents[2] / "docs"
+DOCS = pathlib.Path(__file__).parents[2] / "docs" / "reference"
 
 
 @pytest.mark.parametrize(
@@ -27,7 +27,7 @@ def test_a_reference_is_up_to_date(script, result):
     # In a process of its own: what other tests have loaded changes what there is to describe.
     program = f"import runpy, sys; sys.stdout.write(runpy.run_path({str(DOCS / script)!r})['render']())"
     made = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True).stdout
-    assert (DOCS / result).read_text(encoding="utf-8") == made, f"run: python docs/{script}"
+    assert (DOCS / result).read_text(encoding="utf-8") == made, f"run: python docs/reference/{script}"
 
 
 def test_the_command_line_is_described_whole():

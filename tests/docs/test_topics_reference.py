@@ -8,7 +8,7 @@ import pytest
 from fleet.wire.rulebook import PROFILES
 from fleet.wire.rules import CHANNEL_SUFFIXES, INWARD, RULES
 
-DOCS = pathlib.Path(__file__).parents[2] / "docs"
+DOCS = pathlib.Path(__file__).parents[2] / "docs" / "reference"
 
 
 @pytest.fixture(scope="module")
@@ -18,7 +18,7 @@ def text():
 
 def test_the_map_of_topics_is_up_to_date(text):
     made = runpy.run_path(str(DOCS / "make_topics_reference.py"))["render"]()
-    assert text == made, "run: python docs/make_topics_reference.py"
+    assert text == made, "run: python docs/reference/make_topics_reference.py"
 
 
 @pytest.mark.parametrize("rule", RULES.values(), ids=lambda rule: rule.suffix)

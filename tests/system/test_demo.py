@@ -62,7 +62,7 @@ class Terminal:
 
 
 def test_the_first_screen_is_the_one_that_readme_shows(runtime):
-    wanted = lines(re.search(r"and shows:\n\n```\n(.*?)```", README.read_text(), re.DOTALL)[1])
+    wanted = lines(re.search(r"```text\n(MQTT broker.*?)```", README.read_text(), re.DOTALL)[1])
     terminal = Terminal(sys.executable, "-m", "fleet", "demo", runtime=runtime)
     try:
         shown = terminal.shows(wanted)

@@ -1,4 +1,4 @@
-"""A program of Cyberwave's SDK on the edge's computer joins as docs/bus.md says, and drives a base."""
+"""A program of Cyberwave's SDK on the edge's computer joins as docs/how-to/bus.md says, and drives a base."""
 
 import json
 

@@ -14,7 +14,7 @@ worker holds those that an input names from its start until it hears that they a
 silent.
 
 Each input is read by a thread of its own, and its silence is noticed by the watchdog's: neither needs the
-event loop. Not safety-rated: see docs/stops.md.
+event loop. Not safety-rated: see docs/explanation/stops.md.
 """
 
 from __future__ import annotations

@@ -8,7 +8,7 @@ import pytest
 from fleet_quadruped.sim.faults import ALL_FAULTS
 
 TESTS = Path(__file__).parents[2]
-PAGE = (TESTS.parent / "docs" / "quadruped-conformance.md").read_text(encoding="utf-8")
+PAGE = (TESTS.parent / "docs" / "reference" / "quadruped-conformance.md").read_text(encoding="utf-8")
 ROWS = re.findall(r"^\| (.+?) \| (.+?) \| (.+?) \|$", PAGE, re.MULTILINE)
 PROOFS = sorted(set(re.findall(r"`([\w/]+\.py)::(\w+)`", PAGE)))
 

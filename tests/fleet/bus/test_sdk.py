@@ -48,7 +48,7 @@ def outbox(edge):
 
 @pytest.fixture(params=["client on the socket", "peer on the socket", "peer on loopback"])
 def sdk(request, outbox, opened, places, monkeypatch):
-    """Join as docs/bus.md says: by the environment, with nothing of ours."""
+    """Join as docs/how-to/bus.md says: by the environment, with nothing of ours."""
     mode, *_, place = request.param.split()
     monkeypatch.setenv("ZENOH_CONNECT", places[place])
     monkeypatch.setenv("ZENOH_MODE", mode)

@@ -1,4 +1,4 @@
-"""The failure matrix of docs/missions.md: a test for each of its rows, and none without."""
+"""The failure matrix of docs/how-to/missions.md: a test for each of its rows, and none without."""
 
 import inspect
 import re

@@ -45,7 +45,7 @@ def walking(any_dog):
 @pytest.mark.parametrize("tool", [lambda dog, bus, clock: BenchSession(dog, {"a": bus}, clock), None])
 def test_a_tool_says_nothing_to_a_dog_that_somebody_drives(walking, tool):
     if tool is None and walking.dog.drive.protocol == "odrive":
-        return  # CANopen nodes speak with the same frames: see "The first time" in docs/quadruped.md
+        return  # CANopen nodes speak with the same frames: see "The first time" in docs/how-to/quadruped.md
     clock = ManualClock()
     bus = Shared(walking, clock)
     with pytest.raises(LinkLost, match=OTHER):

@@ -1,6 +1,6 @@
-"""Writes docs/config.md from the models of fleet.yaml; run it after changing one.
+"""Writes docs/reference/config.md from the models of fleet.yaml; run it after changing one.
 
-python docs/make_config_reference.py
+python docs/reference/make_config_reference.py
 """  # noqa: INP001 - a script beside its result
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ TARGET = pathlib.Path(__file__).with_name("config.md")
 INTRODUCTION = """\
 # fleet.yaml
 
-Made from the models by `docs/make_config_reference.py`; do not edit.
+Made from the models by `docs/reference/make_config_reference.py`; do not edit.
 
 `fleet check` tells every problem of a file with its line and column, and a hint. `fleet init` writes an
 example; `fleet schema` prints a JSON Schema for editors.

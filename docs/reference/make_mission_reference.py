@@ -1,6 +1,6 @@
-"""Writes docs/mission-grammar.md from the models of missions; run it after changing one.
+"""Writes docs/reference/mission-grammar.md from the models of missions; run it after changing one.
 
-python docs/make_mission_reference.py
+python docs/reference/make_mission_reference.py
 """  # noqa: INP001 - a script beside its result
 
 from __future__ import annotations
@@ -15,7 +15,8 @@ TARGET = HERE.with_name("mission-grammar.md")
 INTRODUCTION = """\
 # The grammar of missions
 
-Made from the models by `docs/make_mission_reference.py`; do not edit. Begin with [missions](missions.md).
+Made from the models by `docs/reference/make_mission_reference.py`; do not edit. Begin with
+[missions](../how-to/missions.md).
 
 - A duration is a number with its unit: `60 s`, `12 min`, `1 h`.
 - `{input: NAME}` stands for the whole value of an input, anywhere in the mission.

@@ -1,6 +1,6 @@
-"""Writes docs/screens.md and the pictures beside it: ``fleet ps`` with 1, 10 and 40 robots on two terminals.
+"""Write docs/reference/screens.md and its pictures: ``fleet ps`` with 1, 10 and 40 robots on two terminals.
 
-python docs/make_screens.py
+python docs/reference/make_screens.py
 """  # noqa: INP001 - a script beside its result
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ TROUBLES = {
 INTRODUCTION = """\
 # What the terminal shows
 
-Made by `docs/make_screens.py`; do not edit.
+Made by `docs/reference/make_screens.py`; do not edit.
 
 `fleet ps`, `fleet ps --watch`, `fleet run` and `fleet demo` show one picture, which fits its screen: the
 worst robots first, the rest counted, equal causes in one line. `fleet ps --all` shows every robot.

@@ -1,6 +1,6 @@
-"""Writes docs/cli.md from the commands themselves; run it after changing one.
+"""Writes docs/reference/cli.md from the commands themselves; run it after changing one.
 
-python docs/make_cli_reference.py
+python docs/reference/make_cli_reference.py
 """  # noqa: INP001 - a script beside its result
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ TARGET = pathlib.Path(__file__).with_name("cli.md")
 INTRODUCTION = """\
 # The command line
 
-Made from the commands by `docs/make_cli_reference.py`; do not edit.
+Made from the commands by `docs/reference/make_cli_reference.py`; do not edit.
 
 Results go to stdout, everything else to stderr. `--json` prints one JSON document for programs;
 where a command fails it is `{"error": "...", "code": 4}`, with the exit code, and `problems` of a fleet file.

@@ -1,6 +1,6 @@
-"""Writes docs/topics.md from the tables of the wire; run it after changing one.
+"""Writes docs/reference/topics.md from the tables of the wire; run it after changing one.
 
-python docs/make_topics_reference.py
+python docs/reference/make_topics_reference.py
 """  # noqa: INP001 - a script beside its result
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ TARGET = pathlib.Path(__file__).with_name("topics.md")
 INTRODUCTION = """\
 # Topics and keys
 
-Made from the tables in `fleet/wire` by `docs/make_topics_reference.py`; do not edit.
+Made from the tables in `fleet/wire` by `docs/reference/make_topics_reference.py`; do not edit.
 
 `T` is `{prefix}cyberwave/twin/{twin}/`, `J` is `{prefix}cyberwave/joint/{twin}/`, with the uuid of the twin;
 other topics are written without `{prefix}cyberwave/`.
@@ -76,7 +76,7 @@ RULES_TEXT = """\
 fleet.yaml changes a row under `cloud.rules` for all robots, or under a robot's own `rules`, which win. A
 topic's name is what stands behind the uuid; in another namespace, with the namespace in front:
 
-```yaml
+```yaml fragment
 cloud:
   profile: lte
   rules:
@@ -151,7 +151,7 @@ WHAT_HAPPENED = {
 REFUSED = """\
 A retained message is refused, and so is what is too large, cannot be read, or carries the edge's own
 `session_id` at its top. None of that holds for a stop
-([adr 0010](adr/0010-nothing-between-a-stop-and-the-robot.md)): a retained one counts once, and not again
+([adr 0010](../adr/0010-nothing-between-a-stop-and-the-robot.md)): a retained one counts once, and not again
 when the connection is made anew; what is too large to be read is an emergency stop on `T command`, a stop on
 `T navigate/command` and `T mission/command`.
 
