@@ -104,7 +104,8 @@ class BodyProcess:
         process, self._process = self._process, None
         if process is not None:
             assert process.stdin is not None
-            process.stdin.write(DISMISSED)
+            if not process.stdin.is_closing():  # else the process has died already
+                process.stdin.write(DISMISSED)
             process.stdin.close()
             await _left(process, self._leave)
         for descriptor in self._descriptors:

@@ -55,6 +55,7 @@ def test_calibrating_asks_first():
     assert "Is the dog in the pose" in told.output
 
 
+@pytest.mark.parametrize("any_dog", ["cia402", "mit"], indirect=True)  # those that a scan can ask safely
 def test_all_twelve_devices_are_found(any_dog):
     _, buses = lockstep(any_dog)
     found = scan(buses["a"], Ticking(0.3))
