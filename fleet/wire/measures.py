@@ -1,4 +1,4 @@
-"""Numbers of messages that must lie within bounds: read, or refused (WireError) with the place."""
+"""Readers of bounded numbers in messages; a number out of bounds raises WireError with its path."""
 
 from __future__ import annotations
 
@@ -33,5 +33,5 @@ def within(members: Mapping[str, object], name: str, where: str, most: float) ->
 
 
 def _refusal(value: float, wanted: str, where: str) -> WireError:
-    """Return the error for a number that is not what is wanted."""
+    """Return the error for a number out of bounds."""
     return WireError(f"{wanted} is needed, not {value}", where=where)

@@ -1,8 +1,8 @@
-"""``T mission/command``: missions that a robot carries out from its own memory, and their controls.
+"""Decoder of ``T mission/command``: missions that a robot executes from its own memory, and controls.
 
-A mission comes as ``mission``, an ``aerial.mission.v1``, or as ``steps``, each with its type and its params,
-which are then the items of one. What has holes (an item without a place, nothing that leads anywhere,
-something behind the end) is refused with the place of the hole, before the robot hears of it.
+A mission is given as ``mission``, an ``aerial.mission.v1``, or as ``steps``, each with its type and params,
+which become the items of one. An incomplete mission (an item without a position, no item with one, items
+after the end) is refused with the path of the fault, before the robot receives any of it.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from fleet.wire.strict import without_nulls as given
 CONTRACT = "aerial.mission.v1"
 EXECUTION = "mission_execution_uuid"
 MOST_ITEMS = 500
-HIGHEST = 10_000.0  # m; an altitude beyond is a mistake
+HIGHEST = 10_000.0  # m; an altitude beyond it is a mistake
 LONGEST = 3600.0  # s to loiter
 
 CONTROLS: Mapping[str, Control] = MappingProxyType(
@@ -63,7 +63,7 @@ _ITEM_FIELDS = frozenset(
 def decode_mission(payload: bytes, *, way: Transport, twin: str = "") -> Navigate | Command:
     """Return the mission, the control or the stop in a message.
 
-    Raises BadCommand with what could be read of it.
+    Raises BadCommand with the name and the execution id, as far as they could be read.
     """
     name = execution = ""
     try:
@@ -133,7 +133,7 @@ def plan_of(mission: Mapping[str, object], where: str) -> FlyMission:
 
 
 def _require_an_order(items: tuple[PlanItem, ...], where: str) -> None:
-    """Refuse a mission that leads nowhere, or goes on behind its end."""
+    """Raise WireError for a mission without any position, or with items after its end."""
     if not any(item.point for item in items):
         raise WireError("at least one item must have a place", where=path(where, "items"))
     for at, item in enumerate(items[:-1]):
@@ -142,7 +142,7 @@ def _require_an_order(items: tuple[PlanItem, ...], where: str) -> None:
 
 
 def _item(value: object, where: str, default: float | None) -> PlanItem:
-    """Read one item; ``default`` is the altitude of those that give none."""
+    """Read one item; ``default`` is the altitude of an item without one."""
     item = _members(value, where)
     refuse_misspelt(item, _ITEM_FIELDS, where)
     form = text(item, "type", where)

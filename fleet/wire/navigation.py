@@ -1,9 +1,9 @@
-"""``T navigate/command``: where to go, in both vocabularies that are in use.
+"""Decoder of ``T navigate/command``: goals and controls, in both vocabularies that are in use.
 
-The reference says ``navigate_to_pose`` and ``cancel``, the SDK ``goto``, ``path``, ``relative_move``,
+The reference uses ``navigate_to_pose`` and ``cancel``, the SDK ``goto``, ``path``, ``relative_move``,
 ``stop``, ``pause`` and ``resume``. A heading is taken from ``yaw``, else from a rotation's named components,
-else from a list, whose order is that of the vocabulary unless the robot's configuration says otherwise.
-What cannot be followed as it was meant (a frame that is not the world, things to do at a goal) is refused.
+else from a list, whose order is that of the vocabulary unless the robot's configuration sets one.
+A request that cannot be carried out as meant (another frame than the world, actions at a goal) is refused.
 """
 
 from __future__ import annotations
@@ -75,11 +75,11 @@ _FIELDS: Mapping[str, frozenset[str]] = MappingProxyType(
         "metadata": frozenset({"wait_s", "max_loops", "units"}),
     }
 )
-"""What is read of each object; a field that looks like one of these and is none is refused."""
+"""Known fields of each object; an unknown field whose name resembles one of them is refused."""
 
 
 class _Reading(msgspec.Struct, frozen=True):
-    """How one message is to be read: what the robot's configuration and the vocabulary decide."""
+    """Conventions for one message, from the robot's configuration and the vocabulary."""
 
     order: Order
     planar: bool
@@ -98,16 +98,16 @@ def decode_navigate(
     origin_heading: float = 0.0,
     twin: str = "",
 ) -> Navigate | Command | None:
-    """Return the goal or control in a message; None for a status that strayed onto the topic.
+    """Return the goal or control in a message; None for a status that was published on this topic.
 
-    A stop that only the command topic knows, such as an emergency stop, is returned as the command it is.
+    A stop that only the command topic defines, such as an emergency stop, is returned as that command.
 
-    A task that brings no action id has one made of the message or of ``request_id`` (the asker's own): so
-    a repeat of it does not move the robot once more.
-    ``twin``: whose topic it is; a message that names another is refused.
-    ``planar``: the robot cannot tilt, so a tilted rotation is a mistake. ``home_altitude`` (m AMSL): what
-    geodetic altitudes are added to, because they count from the take-off point; without it they are refused.
-    ``origin_heading`` (compass degrees of the world's +y): turns compass headings into world yaw.
+    A task without an action id gets one derived from the message or from ``request_id`` (the sender's own
+    id), so that a repeat of it does not move the robot a second time.
+    ``twin``: the twin of the topic; a message that names another one is refused.
+    ``planar``: the robot cannot tilt, so a tilted rotation is a mistake. ``home_altitude`` (m AMSL): altitude
+    of the take-off point, to which geodetic altitudes are relative; without it they are refused.
+    ``origin_heading`` (compass degrees of the world's +y) converts compass headings to world yaw.
     Raises BadCommand, with the name and the action id where they could be read.
     """
     name = action_id = ""
@@ -133,7 +133,7 @@ def decode_navigate(
 
 
 def _order(name: str, configured: Literal["auto", "wxyz", "xyzw"]) -> Order:
-    """Return the order of list rotations: as configured, else that of the vocabulary."""
+    """Return the component order of list rotations: the configured one, else that of the vocabulary."""
     if configured != "auto":
         return configured
     return "xyzw" if name == "navigate_to_pose" else "wxyz"
@@ -182,8 +182,8 @@ def _path(message: Mapping[str, object], reading: _Reading) -> Task:
 def _waypoint(item: object, where: str, reading: _Reading, wait: float, shared: Mapping[str, object]) -> Goal:
     """Read one waypoint: an object with a position, or its components, or a plain list.
 
-    ``shared`` is what the message says for all of them. ``duration_seconds`` paces controllers that plan
-    trajectories; here speed is limited by ``constraints``, so it is checked and not used.
+    ``shared`` holds the fields that the message sets for all waypoints. ``duration_seconds`` is for
+    controllers that plan trajectories; here ``constraints`` limits the speed, so it is checked and not used.
     """
     if isinstance(item, list):
         item = {"position": item}
@@ -224,7 +224,7 @@ def _refuse_other_kind(members: Mapping[str, object], where: str, expected: str)
 
 
 def _vector(value: object, where: str, *, planar: bool = False) -> Vector3:
-    """Read [x, y, z] or {x, y, z} in metres; a planar robot may be given no z."""
+    """Read [x, y, z] or {x, y, z} in metres; z is optional for a planar robot."""
     if isinstance(value, dict):
         names = [axis for axis in "xyz" if axis != "z" or not planar or value.get("z") is not None]
         return Vector3(*(number(value, axis, where) for axis in names))
@@ -234,7 +234,7 @@ def _vector(value: object, where: str, *, planar: bool = False) -> Vector3:
 
 
 def _numbers(values: Sequence[object], where: str) -> list[float]:
-    """Return finite numbers; raises WireError naming the first that is none."""
+    """Return finite numbers; raises WireError with the path of the first other value."""
     return [finite(value, f"{where}.{index}") for index, value in enumerate(values)]
 
 
@@ -272,7 +272,7 @@ def _geodetic(members: Mapping[str, object], where: str, reading: _Reading) -> G
 
 
 def _datum(members: Mapping[str, Any], where: str, reading: _Reading) -> float:
-    """Return the altitude (m AMSL) that a geodetic altitude counts from: take-off unless it says amsl."""
+    """Return the datum (m AMSL) of a geodetic altitude: the take-off point, unless it says amsl."""
     reference = members.get("coordinate_frame", {}).get("altitude_reference") or "relative_to_takeoff"
     if reference == "amsl":
         return 0.0
