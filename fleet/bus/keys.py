@@ -42,21 +42,21 @@ def robot(edge_id: str, name: str) -> str:
 
 
 HELD = "-held"
-"""Ends the key of the token of an edge that has a twin; without it the edge wants it."""
+"""Suffix of a claim's key when the edge has the twin; without it the edge only wants it."""
 
 
 def claim(edge_id: str, twin: str, since: int, *, held: bool = False) -> str:
-    """Return the key of the token that an edge wants, or has, a twin, since that Unix millisecond."""
+    """Return the key of the token by which an edge claims a twin; ``since`` in Unix milliseconds."""
     return f"fleet/{edge_id}/claims/{twin}/{since}{HELD if held else ''}"
 
 
 def claims() -> str:
-    """Return the key expression of all such tokens."""
+    """Return the key expression of all claims."""
     return "fleet/*/claims/*/*"
 
 
 def command(edge_id: str, name: str) -> str:
-    """Return the key on which a robot is asked; ``*`` addresses many."""
+    """Return the key for commands to a robot; ``*`` addresses many."""
     return f"fleet/{edge_id}/robots/{name}/command"
 
 
@@ -76,17 +76,17 @@ def starting(edge_id: str, start: str) -> str:
 
 
 def video(edge_id: str, name: str) -> str:
-    """Return the key on which the program that sends a robot's video is asked to start and stop it."""
+    """Return the key for queries to the program that sends a robot's video: start and stop."""
     return f"fleet/{edge_id}/robots/{name}/video"
 
 
 def holders(edge_id: str) -> str:
-    """Return the key on which an edge tells its workers which edges have their twins, seen in the cloud."""
+    """Return the key on which an edge publishes, for its workers, the holders of their twins in the cloud."""
     return f"fleet/{edge_id}/holders"
 
 
 def places(edge_id: str, process: str) -> str:
-    """Return the key on which a process tells the others where its robots are; ``*`` is every process."""
+    """Return the key on which a process publishes the positions of its robots; ``*`` is every process."""
     return f"fleet/{edge_id}/places/{process}"
 
 
@@ -96,7 +96,7 @@ def state(edge_id: str, name: str) -> str:
 
 
 def description(edge_id: str, name: str) -> str:
-    """Return the key on which a robot tells what it takes."""
+    """Return the key of a robot's description: the commands that it accepts."""
     return f"fleet/{edge_id}/robots/{name}/description"
 
 
@@ -106,12 +106,12 @@ def worker(edge_id: str, name: str) -> str:
 
 
 def heartbeat(edge_id: str, name: str) -> str:
-    """Return the key on which a worker's event loop shows that it turns."""
+    """Return the key of the heartbeat of a worker's event loop."""
     return f"fleet/{edge_id}/workers/{name}/beat"
 
 
 def halt(edge_id: str, name: str) -> str:
-    """Return the key on which a worker that is given up is told to halt its robots."""
+    """Return the key on which the edge orders a worker that it gives up to halt its robots."""
     return f"fleet/{edge_id}/workers/{name}/halt"
 
 
@@ -121,7 +121,7 @@ def reload(edge_id: str, name: str) -> str:
 
 
 def held(edge_id: str) -> str:
-    """Return where an edge tells its workers which of their robots its stop inputs hold, and why."""
+    """Return the key on which an edge publishes, for its workers, the robots that its stop inputs hold."""
     return f"fleet/{edge_id}/held"
 
 
@@ -131,7 +131,7 @@ def health(edge_id: str) -> str:
 
 
 def history(edge_id: str) -> str:
-    """Return the key on which an edge tells what happened to its robots, and who asked for it."""
+    """Return the key of an edge's history: events of its robots, with the senders of requests."""
     return f"fleet/{edge_id}/history"
 
 
