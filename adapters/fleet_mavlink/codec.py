@@ -104,7 +104,7 @@ class _Layout:
 
 
 def _picker(indexes: Sequence[int]) -> Callable[[Sequence[object]], tuple[object, ...]] | None:
-    """Return what takes the values at some indexes, None for fewer than two."""
+    """Return a function that picks the values at some indexes, None for fewer than two."""
     return itemgetter(*indexes) if len(indexes) > 1 else None
 
 

@@ -67,7 +67,7 @@ class UgvAdapter(Adapter[UgvConfig]):
             self.failsafe = f"its firmware stops {config.setting.timeout:g} s after the last velocity"
         self._lamps = (0, 0)
         self._camera = (0.0, 0.0)
-        self._led = False  # the camera's joints were led since it was sent anywhere
+        self._led = False  # the camera was moved by joint targets since its last absolute command
         # Where the robot is outlives its cable.
         self._odometry = WheelOdometry(config.scale, config.base.fastest, robot.state.get(POSE))
         self._board: Board
@@ -114,13 +114,13 @@ class UgvAdapter(Adapter[UgvConfig]):
                 await asyncio.wait_for(self._board.stands.wait(), STANDSTILL)
 
     def halt(self) -> None:
-        """Stop the wheels, and the camera's mount, at once; from any thread."""
+        """Stop the wheels and the camera mount at once; from any thread."""
         self._board.halt()
 
     # -- the camera's joints -------------------------------------------------------------------------
 
     def joint_ranges(self) -> Mapping[str, JointRange]:
-        """Return pan (right positive) and tilt (up positive) of a base with a camera's mount."""
+        """Return pan (right positive) and tilt (up positive) of a base with a camera mount."""
         return MOUNT if self._board.codec.gimbal_stop else {}
 
     def move_joints(self, targets: Mapping[str, float]) -> None:
@@ -134,7 +134,7 @@ class UgvAdapter(Adapter[UgvConfig]):
         self._board.hold_gimbal()
 
     def _aimed(self) -> tuple[float, float]:
-        """Return from where the mount is turned on: where it was sent, or, once it was led, where it is."""
+        """Return the start of a relative turn: the last commanded angles, or the measured ones."""
         mount = self._board.observer.mount
         return mount if self._led and mount is not None else self._camera
 
@@ -181,7 +181,7 @@ class UgvAdapter(Adapter[UgvConfig]):
         self._set_lamps(level, level)
 
     def _set_lamps(self, chassis: int, camera: int) -> None:
-        """Write both lamps and note them."""
+        """Write both lamp levels and store them."""
         board = self._board
         board.write(board.codec.lights(chassis, camera))
         self._lamps = (chassis, camera)
@@ -232,7 +232,7 @@ class UgvAdapter(Adapter[UgvConfig]):
         self._turn_camera(at[0] + pan, at[1] + tilt)
 
     def _turn_camera(self, pan: float, tilt: float) -> None:
-        """Turn the camera within what the mount can do."""
+        """Turn the camera, within the range of the mount."""
         board = self._board
         camera = (min(max(pan, -math.pi), math.pi), min(max(tilt, -math.pi / 6), math.pi / 2))
         board.write(board.codec.gimbal(round(math.degrees(camera[0])), round(math.degrees(camera[1]))))

@@ -36,7 +36,7 @@ class Inbox:
         self._clock = clock
 
     def arrived(self, data: bytes, _address: Address) -> None:
-        """Take bytes from the line."""
+        """Decode received bytes and queue their events."""
         now, stamp = self._clock.monotonic(), self._clock.time()
         self.events.extend((now, stamp, event) for event in self.codec.feed(data))
 
@@ -88,7 +88,7 @@ class Board:
         self.halt()
 
     def drive(self, velocity: Velocity) -> None:
-        """Hold a body velocity; raises NotReady, or Refused for what the base cannot do."""
+        """Hold a body velocity; raises NotReady, or Refused for motion that the base cannot make."""
         self._require_ready()
         self._motion.drive(self._guarded(velocity))
 
@@ -102,18 +102,18 @@ class Board:
         return (self.codec.motion(self._kinematics.inverse(velocity)),)
 
     def halt(self) -> None:
-        """Write the stop of wheels and mount at once; from any thread."""
+        """Write the stops of wheels and mount at once; from any thread."""
         self._motion.halt()
         self.hold_gimbal()
 
     def hold_gimbal(self) -> None:
-        """Write what stops the mount where it is, at once; from any thread."""
+        """Write the stop of the mount at once; from any thread."""
         if self.codec.gimbal_stop:
-            with contextlib.suppress(LinkLost):  # which stops at its last target
+            with contextlib.suppress(LinkLost):  # then the mount stops at its last target
                 self._slot.send(self.codec.gimbal_stop)
 
     def write(self, data: bytes) -> None:
-        """Write what moves no wheel; raises NotReady."""
+        """Write a frame that moves no wheel; raises NotReady."""
         self._require_ready()
         try:
             self._slot.send(data)
@@ -178,12 +178,12 @@ class Board:
         self._robot.health(self.readiness.health)
 
     def _set_up(self) -> None:
-        """Tell the board how to behave; whatever moved it is over."""
+        """Write the settings to the board; any motion ends with it."""
         self.halt()
         self._slot.send(self.codec.setup())
 
     def _keep(self, now: float) -> None:
-        """Write the question and the motion that are due."""
+        """Write the poll and the motion that are due."""
         if self._profile.poll:
             self._ask(now, self._profile.poll, self.codec.poll)
         elif self.readiness.unheard:
@@ -191,7 +191,7 @@ class Board:
         self._motion.look()
 
     def _ask(self, now: float, every: float, question: Callable[[], bytes]) -> None:
-        """Write a question when it is due."""
+        """Write a poll when it is due."""
         if now - self._asked >= every - LOOK / 2:
             self._asked = now
             self._slot.send(question())
@@ -205,7 +205,7 @@ class Board:
         return Velocity(Vector3(velocity.linear.x * scale), velocity.yaw_rate * scale)
 
     def _errors(self) -> tuple[dict[str, object], ...]:
-        """Return what the base complained of lately, and what the line spoiled."""
+        """Return recent faults reported by the base, and corrupted input of the line."""
         now = self._robot.clock.monotonic()
         self._troubles = {text: at for text, at in self._troubles.items() if now - at < TROUBLE_SHOWN}
         errors: list[dict[str, object]] = [{"code": "base", "message": text} for text in self._troubles]

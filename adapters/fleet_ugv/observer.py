@@ -64,7 +64,7 @@ class Observer:
         return BatteryReport(stamp, percent=full, voltage=self.voltage)
 
     def metrics(self, stamp: float, errors: tuple[dict[str, object], ...]) -> MetricsReport:
-        """Return the numbers for people."""
+        """Return the metrics report."""
         odometry, battery = self.odometry, self.battery(stamp)
         power = {
             "battery_percent": battery.percent,

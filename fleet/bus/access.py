@@ -66,7 +66,7 @@ class _Rule(msgspec.Struct, frozen=True):
     flow: Literal["ingress", "egress"] = "ingress"
 
     def as_zenoh(self, name: str) -> dict[str, object]:
-        """Return the rule in Zenoh's words."""
+        """Return the rule in the form of Zenoh's configuration."""
         return {
             "id": name,
             "messages": list(self.messages),

@@ -170,7 +170,7 @@ def zenoh_settings(
     connect: tuple[str, ...],
     users: Path | None = None,
 ) -> dict[str, object]:
-    """Return Zenoh's own configuration, by path, for one session; ``users``: the file of who may join."""
+    """Return Zenoh's configuration, by path, for one session; ``users``: the file of ``users_file``."""
     values: dict[str, object] = {
         "mode": mode,
         "listen/endpoints": list(listen),
@@ -212,7 +212,7 @@ def _protocols(settings: BusSettings) -> list[str]:
 
 
 def _tls(tls: BusTls) -> dict[str, object]:
-    """Return the certificates' part."""
+    """Return the TLS part of the configuration."""
     root = "transport/link/tls"
     values: dict[str, object] = {
         f"{root}/enable_mtls": tls.mutual,

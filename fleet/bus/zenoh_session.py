@@ -284,7 +284,7 @@ class ZenohSession:
 
 
 def _config(settings: Mapping[str, object]) -> zenoh.Config:
-    """Return Zenoh's configuration; raises BusError naming the setting that it does not take."""
+    """Return Zenoh's configuration; raises BusError that names a setting which Zenoh rejects."""
     config = zenoh.Config()
     for path, value in settings.items():
         try:

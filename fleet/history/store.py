@@ -48,8 +48,8 @@ CREATE INDEX event_by_robot ON event (robot, stamp);
 """,
 )
 """What makes the file, and brings it from each format number to the next."""
-WAITING = 5000  # events in memory at most
-AGAIN_AFTER = 5.0  # s until a disk that failed is tried again
+WAITING = 5000  # maximum number of events in memory
+AGAIN_AFTER = 5.0  # s until the next attempt after a failed write
 BUSY = 0.2
 """Seconds to wait for another process that opens or writes: the record of a stop may wait as long."""
 LAST_PATIENCE = 2.0  # s, for the last write of the process

@@ -159,8 +159,8 @@ class MetricsReport(msgspec.Struct, frozen=True):
 
     @property
     def categories(self) -> dict[str, object]:
-        """What is told, by category."""
-        told: dict[str, object] = {**self.more}
+        """The categories to send, by name."""
+        categories: dict[str, object] = {**self.more}
         if self.errors is not None:
             categories["errors"] = self.errors
         if self.power:

@@ -19,7 +19,7 @@ _json: dict[object, msgspec.json.Decoder[object]] = {}
 
 
 def json_decoder(kind: object) -> msgspec.json.Decoder[Any]:
-    """Return the decoder of JSON of a type: a Struct, a union, ``list[str]``; the same one each time."""
+    """Return the shared JSON decoder of a type: a Struct, a union, ``list[str]``."""
     found = _json.get(kind)
     if found is None:
         with _making:
@@ -28,7 +28,7 @@ def json_decoder(kind: object) -> msgspec.json.Decoder[Any]:
 
 
 def msgpack_decoder(kind: object) -> msgspec.msgpack.Decoder[Any]:
-    """Return a decoder of MessagePack of a type."""
+    """Return a MessagePack decoder of a type."""
     with _making:
         return msgspec.msgpack.Decoder(kind)
 

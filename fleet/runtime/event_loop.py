@@ -37,7 +37,7 @@ class OwnedCall:
         self._call = call
 
     def __call__(self, *arguments: object) -> None:
-        """Call it."""
+        """Call the wrapped function."""
         self._call(*arguments)
 
 
@@ -67,7 +67,7 @@ class FleetLoop(uvloop.Loop):
         return super().call_later(delay, owned(callback), *args, context=context)
 
     def add_reader(self, fd: object, callback: Any, *args: Any) -> None:  # type: ignore[override]
-        """Call when there is something to read, on the owner's behalf."""
+        """Call when a descriptor is readable, on behalf of the current owner."""
         super().add_reader(fd, owned(callback), *args)
 
 

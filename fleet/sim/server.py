@@ -93,7 +93,7 @@ class SimServer(ABC, Generic[SpecT, RobotT]):
         return msgspec.json.encode(told) + b"\n"
 
     async def _carry_out(self, ask: _Line) -> dict[str, object]:
-        """Carry out one ask; raises ValueError or OSError."""
+        """Carry out one request; raises ValueError or OSError."""
         if ask.add:
             return {"url": (await self.add(decode_json(ask.add, self.Spec))).url}
         if ask.fault is not None:

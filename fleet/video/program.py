@@ -108,7 +108,7 @@ class _Program:
         self.tell()
 
     def _on_loop(self, take: Callable[..., Coroutine[object, object, None]]) -> Callable[..., None]:
-        """Return what has the loop take something; on Zenoh's threads."""
+        """Return a callback for Zenoh's threads that runs ``take`` on the event loop."""
 
         def begin(*arguments: object) -> None:
             task = self._loop.create_task(take(*arguments))

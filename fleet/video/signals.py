@@ -55,7 +55,7 @@ _WRAPPED: msgspec.json.Decoder[_Wrapped] = json_decoder(_Wrapped)
 def offer_message(
     sdp: str, stream: VideoStream, *, recording: bool, attributes: dict[str, object], stamp: float
 ) -> dict[str, object]:
-    """Return the message of an offer; ``attributes`` are width, height and fps, ``stamp`` is Unix seconds."""
+    """Return an offer message; ``attributes`` are width, height and fps, ``stamp`` is Unix seconds."""
     return {
         "target": "backend",
         "sender": "edge",

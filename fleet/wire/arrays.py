@@ -103,5 +103,5 @@ def _check_size(shape: tuple[int, ...], dtype: str, data: bytes) -> None:
 
 
 def _sensor(header: Mapping[str, object]) -> str:
-    """Return the sensor that the header names, empty when none."""
+    """Return the sensor named in the header, empty when none is."""
     return cast("str", header["sensor_id"]) if isinstance(header.get("sensor_id"), str) else ""

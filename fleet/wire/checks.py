@@ -20,7 +20,7 @@ _CHECKS: Mapping[type[object], msgspec.msgpack.Decoder[object]] = MappingProxyTy
 
 
 def check_report(report: Report) -> None:
-    """Raise WireError for a report whose fields are not of their types."""
+    """Raise WireError for a report with a field of the wrong type."""
     try:
         _CHECKS[type(report)].decode(_PACK(report))  # the fastest check that covers every kind of report
     except UNSAYABLE as error:

@@ -116,7 +116,7 @@ class _Envelope(msgspec.Struct, frozen=True):
     stamp: float | None
 
     def command(self, name: str, data: Mapping[str, object]) -> Command:
-        """Return a command that was asked by this message."""
+        """Return a command with the sender and stamp of this message."""
         same = identity(self.payload, self.stamp, self.request_id, (name, data))
         return Command(name, data, self.origin, same, self.stamp)
 
@@ -206,12 +206,12 @@ def _envelope(
 
 
 def _is_stop(name: str, message: Mapping[str, object]) -> bool:
-    """Return True when the robot is to stand still, however the rest of the message looks."""
+    """Return True for a stop, whatever the other fields of the message contain."""
     return name in STOP_WORDS or (name == "estop" and not releases(name, message.get("data")))
 
 
 def _data(message: Mapping[str, object]) -> dict[str, object]:
-    """Return the command's data; missing and null are empty."""
+    """Return the command's data; empty when it is missing or null."""
     return {} if message.get("data") is None else child(message, "data")
 
 
@@ -257,7 +257,7 @@ def _move(envelope: _Envelope, _defaults: Defaults) -> Setpoint:
 
 
 def _signed(members: Mapping[str, object], where: str) -> Velocity:
-    """Return the velocity of flat signed fields, of which one at least must be there."""
+    """Return the velocity in flat signed fields, of which at least one must be present."""
     if members.keys().isdisjoint(VELOCITY_FIELDS):
         raise WireError(f"needs one of {', '.join(VELOCITY_FIELDS)}", where=where or "message")
     x = number(members, "linear_x", where) if "linear_x" in members else 0.0
@@ -268,13 +268,13 @@ def _signed(members: Mapping[str, object], where: str) -> Velocity:
 
 
 def _twist(message: Mapping[str, object]) -> Velocity:
-    """Return the velocity of a ROS Twist; an axis that is left out is not moved."""
+    """Return the velocity of a ROS Twist; a missing axis is zero."""
     linear = _axes(message, "linear")
     return Velocity(linear, _axes(message, "angular").z)
 
 
 def _axes(message: Mapping[str, object], name: str) -> Vector3:
-    """Return a twist's vector, zero where it is left out."""
+    """Return one vector of a twist, zero when it is missing."""
     if name not in message:
         return Vector3()
     members = child(message, name)

@@ -231,7 +231,7 @@ def _as_it_is(kind: Any) -> _Codec[Any]:
 
 
 def _same_field(field: msgspec.structs.FieldInfo) -> tuple[str, object] | tuple[str, object, object]:
-    """Return how to define a field of the same name, type and default."""
+    """Return the ``defstruct`` definition of a field with the same name, type and default."""
     if field.required:
         return field.name, field.type
     if field.default is msgspec.NODEFAULT:

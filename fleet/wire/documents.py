@@ -150,7 +150,7 @@ def is_state_of_another(suffix: str, payload: bytes) -> bool:
 
 
 def _check_edit(suffix: str, message: Mapping[str, object]) -> None:
-    """Raise WireError for what is no change by the editor."""
+    """Raise WireError unless the message is a change by the editor."""
     if message.get("source_type") != "edit":
         raise WireError(f"edit is needed, not {str(message.get('source_type'))[:40]!a}", where="source_type")
     for axis, value in child(message, suffix).items():
@@ -158,7 +158,7 @@ def _check_edit(suffix: str, message: Mapping[str, object]) -> None:
 
 
 def _checked(suffix: str, message: Mapping[str, object]) -> Shape:
-    """Return the shape of a suffix, which the message must have."""
+    """Check a message against the shape of its suffix and return the shape; raises WireError."""
     namespace, _, update = suffix.partition(":")
     if namespace == "environment" and not UPDATE_TYPE.fullmatch(update):
         raise WireError(f"{update[:40]!a} cannot be the type of an update", where="environment")

@@ -33,7 +33,7 @@ def encode_finite(value: object) -> bytes:
 
 
 def _not_finite(value: object, where: str) -> Iterator[str]:
-    """Yield the places of the numbers in ``value`` that are not finite."""
+    """Yield the dotted paths of the numbers in ``value`` that are not finite."""
     if isinstance(value, float):
         if not math.isfinite(value):
             yield where

@@ -103,7 +103,7 @@ def _require_twin(message: Mapping[str, object], twin: str) -> None:
 
 
 def stop_asked(message: Mapping[str, object], way: Transport) -> Command | None:
-    """Return the stop that a message names on a topic that has other words; None when it names none."""
+    """Return the stop that a message names on a topic with other commands; None when it names none."""
     name = stop_named(message) if "command" in message or "type" in message else ""
     if not name:
         return None
@@ -112,7 +112,7 @@ def stop_asked(message: Mapping[str, object], way: Transport) -> Command | None:
 
 
 def tolerant(read: Callable[..., object], *arguments: object, strict: bool) -> Any:
-    """Return what ``read`` finds, None instead of its refusal when not ``strict``."""
+    """Return the result of ``read``; when not ``strict``, None instead of a WireError."""
     try:
         return read(*arguments)
     except WireError:
@@ -147,7 +147,7 @@ def seconds_of(stamp: float) -> float:
 
 
 def optional_word(message: Mapping[str, object], name: str) -> str | None:
-    """Return a string as it was sent, None when there is none; raises WireError for another kind."""
+    """Return an optional string field, None when missing or null; raises WireError for another type."""
     value = message.get(name)
     if value is not None and not isinstance(value, str):
         raise WireError(f"a string is needed, this is {kind(value)}", where=name)

@@ -110,7 +110,7 @@ def _positions(sets: Sets) -> dict[str, float]:
 
 
 def _is_relative(message: Mapping[str, object]) -> bool:
-    """Return whether positions count from where the joints are; raises WireError for another mode."""
+    """Return True when positions are relative to the current ones; raises WireError for an unknown mode."""
     field = "update_mode" if "update_mode" in message else "mode"
     mode = optional_word(message, field)
     if mode and mode not in _MODES:
@@ -119,7 +119,7 @@ def _is_relative(message: Mapping[str, object]) -> bool:
 
 
 def _measured_form(message: Mapping[str, object], *, arrays: bool) -> Sets:
-    """Read the forms in which joints are measured, too; raises WireError when no joint is named."""
+    """Read the forms that measured joints share; raises WireError when no joint is named."""
     if arrays and "names" in message:
         found = _arrays(message)
     else:
@@ -130,7 +130,7 @@ def _measured_form(message: Mapping[str, object], *, arrays: bool) -> Sets:
 
 
 def _named_sets(message: Mapping[str, object], prefix: str) -> Sets:
-    """Read the sets that are there, each a number for each joint."""
+    """Read the sets that are present, each with a number per joint."""
     found = {name: child(message, prefix + name) for name in _SETS if prefix + name in message}
     if found:
         refuse_misspelt(message, _SET_FIELDS)
@@ -145,7 +145,7 @@ def _single(message: Mapping[str, object]) -> Sets:
 
 
 def _arrays(message: Mapping[str, object]) -> Sets:
-    """Read the bus's own form; raises WireError for arrays that do not belong together."""
+    """Read the form of the bus; raises WireError for arrays that do not match."""
     names, values = message["names"], message.get("positions")
     if not (isinstance(names, list) and isinstance(values, list) and len(names) == len(values)):
         raise WireError("two arrays of one length are needed", where="names, positions")
@@ -155,7 +155,7 @@ def _arrays(message: Mapping[str, object]) -> Sets:
 
 
 def _flat(message: Mapping[str, object]) -> Sets:
-    """Read every number at the top level that is none of the envelope's."""
+    """Read every number at the top level that is not an envelope field."""
     joints = {name: value for name, value in message.items() if name not in NEVER_JOINTS}
     return {"positions": _numbers(joints, "")} if joints else {}
 

@@ -84,7 +84,7 @@ def decode_mission(payload: bytes, *, way: Transport, twin: str = "") -> Navigat
 
 
 def _started(name: str, message: Mapping[str, object], execution: str) -> FlyMission:
-    """Read a mission that is to begin."""
+    """Read the mission of a ``start`` command."""
     if name != "start":
         raise WireError(f"start, pause, resume or cancel is needed, not {name!a}", where="command")
     if not execution:
@@ -107,7 +107,7 @@ def _from_steps(message: Mapping[str, object]) -> FlyMission:
 
 
 def plan_of(mission: Mapping[str, object], where: str) -> FlyMission:
-    """Read an ``aerial.mission.v1``; raises WireError with the place of what is missing or wrong."""
+    """Read an ``aerial.mission.v1``; raises WireError with the path of a missing or wrong field."""
     if mission.get("contract") != CONTRACT:
         raise WireError(f"must be {CONTRACT}", where=path(where, "contract"))
     refuse_misspelt(mission, _PLAN_FIELDS, where)
@@ -166,7 +166,7 @@ def _item(value: object, where: str, default: float | None) -> PlanItem:
 
 
 def _place(item: Mapping[str, object], where: str, default: float | None) -> GeoPoint:
-    """Read the place of an item; its altitude counts from what the mission says."""
+    """Read the position of an item; its altitude is relative to the mission's reference."""
     latitude, longitude = within(item, "latitude", where, 89.9), within(item, "longitude", where, 180.0)
     altitude = _altitude(item, "altitude_m", where)
     if altitude is None:
@@ -179,12 +179,12 @@ def _place(item: Mapping[str, object], where: str, default: float | None) -> Geo
 
 
 def _altitude(members: Mapping[str, object], name: str, where: str) -> float | None:
-    """Read an altitude in m, None when there is none."""
+    """Read an optional altitude in m, None when it is missing."""
     return within(members, name, where, HIGHEST) if name in members else None
 
 
 def _home(home: Mapping[str, object], where: str) -> GeoPoint:
-    """Read the planned place of the take-off, m AMSL."""
+    """Read the planned take-off position, m AMSL."""
     return GeoPoint(
         within(home, "latitude", where, 90.0),
         within(home, "longitude", where, 180.0),
@@ -193,7 +193,7 @@ def _home(home: Mapping[str, object], where: str) -> GeoPoint:
 
 
 def _items(message: Mapping[str, object], name: str, where: str) -> list[object]:
-    """Return an array of a bearable length."""
+    """Return an array of 1 to ``MOST_ITEMS`` items; raises WireError for anything else."""
     items = message.get(name)
     if not isinstance(items, list) or not 1 <= len(items) <= MOST_ITEMS:
         raise WireError(f"an array of 1 to {MOST_ITEMS} is needed", where=path(where, name))
@@ -201,14 +201,14 @@ def _items(message: Mapping[str, object], name: str, where: str) -> list[object]
 
 
 def _members(value: object, where: str) -> dict[str, object]:
-    """Return the members of an object."""
+    """Return the members of an object, without nulls; raises WireError for anything else."""
     if not isinstance(value, dict):
         raise WireError(f"an object is needed, this is {kind(value)}", where=where)
     return given(value)
 
 
 def _seconds(item: Mapping[str, object], where: str) -> float:
-    """Return how long to loiter."""
+    """Return the time to loiter, seconds."""
     seconds = positive(item, "seconds", where)
     if seconds is None or seconds > LONGEST:
         raise WireError(f"0 to {LONGEST:g} seconds are needed", where=path(where, "seconds"))
@@ -216,7 +216,7 @@ def _seconds(item: Mapping[str, object], where: str) -> float:
 
 
 def _turns(item: Mapping[str, object], where: str) -> int:
-    """Return how many turns to loiter: one byte on the autopilot."""
+    """Return the number of turns to loiter: the autopilot stores it in one byte."""
     turns = whole(item, "turns", where)
     if not 1 <= turns <= 255:
         raise WireError(f"1 to 255 are possible, not {turns}", where=path(where, "turns"))

@@ -140,7 +140,7 @@ def _order(name: str, configured: Literal["auto", "wxyz", "xyzw"]) -> Order:
 
 
 def _task(name: str, message: Mapping[str, object], reading: _Reading) -> Task:
-    """Read a task; raises WireError for a name that is none."""
+    """Read a task; raises WireError for an unknown name."""
     read = TASKS.get(name)
     if read is None:
         known = ", ".join([*TASKS, *CONTROLS])
@@ -151,7 +151,7 @@ def _task(name: str, message: Mapping[str, object], reading: _Reading) -> Task:
 
 
 def _refuse_foreign_frames(message: Mapping[str, object]) -> None:
-    """Refuse coordinates that are meant in any other frame than the world."""
+    """Raise WireError for coordinates in any other frame than the world."""
     for name in ("reference_frame", "frame_id"):
         frame = optional_word(message, name)
         if frame and frame not in WORLD_FRAMES:
@@ -160,7 +160,7 @@ def _refuse_foreign_frames(message: Mapping[str, object]) -> None:
 
 
 def _goto(message: Mapping[str, object], reading: _Reading) -> Task:
-    """Read one goal, or a path when waypoints lead to it."""
+    """Read one goal, or a path when the message has waypoints."""
     if message.get("waypoints"):
         return _path(message, reading)
     return GoTo(_goal(message, "", reading, _wait(message, "")), _constraints(message))
@@ -200,7 +200,7 @@ def _waypoint(item: object, where: str, reading: _Reading, wait: float, shared: 
 
 
 def _goal(members: Mapping[str, object], where: str, reading: _Reading, wait: float) -> Goal:
-    """Read a place and the heading there."""
+    """Read the position and heading of a goal."""
     if members.get("actions"):
         raise WireError("nothing can be done at a goal but wait", where=path(where, "actions"))
     flat, geo = "position" in members, "geodetic_position" in members
@@ -215,7 +215,7 @@ def _goal(members: Mapping[str, object], where: str, reading: _Reading, wait: fl
 
 
 def _refuse_other_kind(members: Mapping[str, object], where: str, expected: str) -> None:
-    """Refuse a place that contradicts the coordinate frame it is given in."""
+    """Raise WireError for a position that contradicts its coordinate frame."""
     if "coordinate_frame" not in members:
         return
     frame = child(members, "coordinate_frame", where)
@@ -239,7 +239,7 @@ def _numbers(values: Sequence[object], where: str) -> list[float]:
 
 
 def _yaw(members: Mapping[str, object], where: str, reading: _Reading) -> float | None:
-    """Return the world yaw of a goal in metres, None when it is left to the robot."""
+    """Return the world yaw (radians) of a cartesian goal, None when it is left to the robot."""
     if "yaw" in members:
         return wrap_angle(number(members, "yaw", where))
     if "rotation" in members:
@@ -249,7 +249,7 @@ def _yaw(members: Mapping[str, object], where: str, reading: _Reading) -> float 
 
 
 def _heading(members: Mapping[str, object], where: str, reading: _Reading) -> float | None:
-    """Return the world yaw of a compass heading (``orientation.heading``, degrees), None without one."""
+    """Return the world yaw (radians) for a compass heading (``orientation.heading``, degrees), or None."""
     if "geodetic_position" in members and members.keys() & {"yaw", "rotation"}:
         raise WireError("a geodetic goal is turned by orientation.heading", where=where or "message")
     if "orientation" not in members:
@@ -259,7 +259,7 @@ def _heading(members: Mapping[str, object], where: str, reading: _Reading) -> fl
 
 
 def _geodetic(members: Mapping[str, object], where: str, reading: _Reading) -> GeoPoint:
-    """Read a place on Earth; its altitude is returned AMSL."""
+    """Read a position on Earth; the returned altitude is AMSL."""
     place = path(where, "geodetic_position")
     point = given(child(members, "geodetic_position", where))
     refuse_misspelt(point, _FIELDS["geodetic_position"], place)
@@ -284,7 +284,7 @@ def _datum(members: Mapping[str, Any], where: str, reading: _Reading) -> float:
 
 
 def _relative(message: Mapping[str, object], _reading: _Reading) -> Task:
-    """Read a move from here, in metres, in the robot's frame or the world's."""
+    """Read a relative move, in metres, in the robot's frame or the world's."""
     if "relative_translation" not in message:
         raise WireError("is missing", where="relative_translation")
     frame = text(message, "frame")
@@ -298,7 +298,7 @@ def _relative(message: Mapping[str, object], _reading: _Reading) -> Task:
 
 
 def _constraints(message: Mapping[str, object]) -> Constraints:
-    """Read what the asker limits; what is not known here is left to the robot's own limits."""
+    """Read the limits that the sender sets; a missing one leaves the robot's own limit."""
     if "constraints" not in message:
         return Constraints()
     members = given(child(message, "constraints"))
@@ -309,14 +309,14 @@ def _constraints(message: Mapping[str, object]) -> Constraints:
 
 
 def _metadata(members: Mapping[str, object], where: str) -> dict[str, object]:
-    """Return the metadata, empty when there is none."""
+    """Return the metadata, empty when it is missing."""
     metadata = given(child(members, "metadata", where)) if "metadata" in members else {}
     refuse_misspelt(metadata, _FIELDS["metadata"], path(where, "metadata"))
     return metadata
 
 
 def _wait(members: Mapping[str, object], where: str) -> float:
-    """Return the seconds to stay at a goal."""
+    """Return the time to stay at a goal, seconds."""
     place = path(where, "metadata")
     wait = not_negative(_metadata(members, where), "wait_s", place) or 0.0
     if wait > LONGEST_WAIT:
@@ -325,7 +325,7 @@ def _wait(members: Mapping[str, object], where: str) -> float:
 
 
 def _loops(message: Mapping[str, object]) -> int:
-    """Return how often a path is followed."""
+    """Return the number of times to follow a path."""
     metadata = {"max_loops": 1, **_metadata(message, "")}
     loops = whole(metadata, "max_loops", "metadata")
     if not 1 <= loops <= MOST_LOOPS:

@@ -22,7 +22,7 @@ from fleet.wire.strict import child, text
 
 LEVELS = frozenset({"DEBUG", "INFO", "WARNING", "ERROR", "CRITICAL"})
 ENVELOPE = frozenset({"ts", "timestamp", "type", "source_type", "session_id", "twin_uuid"})
-"""What every message may carry, of which the bridge makes its own."""
+"""Fields that any message may carry; the bridge replaces them with its own."""
 _DECODER: msgspec.json.Decoder[dict[str, object]] = json_decoder(dict[str, Any])
 
 
@@ -53,7 +53,7 @@ def decode_published(channel: str, sample: bytes) -> Report:
 
 
 def _telemetry(message: Mapping[str, object], stamp: float) -> TelemetryReport:
-    """Read one message of telemetry: its type, and whatever stands beside it."""
+    """Read one telemetry message: its type and all other fields."""
     given = {name: value for name, value in message.items() if name not in ("ts", "type", "fields")}
     return TelemetryReport(stamp, text(message, "type"), {**given, **_part(message, "fields")})
 
@@ -85,7 +85,7 @@ def _log(message: Mapping[str, Any], stamp: float) -> LogReport:
 
 
 def _part(message: Mapping[str, object], name: str) -> Mapping[str, object]:
-    """Return the members of an object, none when it is not there; raises WireError for anything else."""
+    """Return the members of an optional object, empty when missing; raises WireError for anything else."""
     return child(message, name) if message.get(name) is not None else {}
 
 

@@ -50,7 +50,7 @@ def legacy_status(reply: Reply, *, stamp: float, source_type: str, request: str 
 
 
 def _details(reply: Reply) -> dict[str, object]:
-    """Return why, in the host's and the robot's own words, and what was asked for."""
+    """Return the reason, the robot's own result and messages, and the result of a query."""
     reason = f"{reply.reason} ({reply.hint})" if reply.hint else reply.reason
     details: dict[str, object] = {
         "reason": reason,

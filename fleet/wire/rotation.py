@@ -44,5 +44,5 @@ def _rotation(value: object, order: Order, where: str) -> Quaternion:
 
 
 def _by_name(value: Mapping[str, object], where: str) -> Quaternion:
-    """Return a rotation whose components are named; all four must be there."""
+    """Return a rotation from named components; all four are required."""
     return Quaternion(*(number(value, name, where) for name in "wxyz"))

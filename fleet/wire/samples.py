@@ -34,7 +34,7 @@ def json_sample(payload: bytes, *, stamp: float, sequence: int) -> bytes:
 def array_sample(
     payload: bytes, *, stamp: float, sequence: int, shape: tuple[int, ...], dtype: str, sensor: str = ""
 ) -> bytes:
-    """Return the bytes of an array behind its header, as the SDK writes those of numpy."""
+    """Return the bytes of an array with its header, in the form that the SDK writes numpy arrays."""
     header: dict[str, object] = {"content_type": ARRAY_TYPE, "shape": shape, "dtype": dtype}
     if sensor:
         header["sensor_id"] = sensor

@@ -19,7 +19,7 @@ LONGEST = 40  # characters; longer names are not compared
 
 
 def refuse_unknown(members: Mapping[str, object], known: frozenset[str], where: str = "") -> None:
-    """Raise WireError for a field that is not ``known``, with the one that was perhaps meant."""
+    """Raise WireError for a field that is not ``known``, with the nearest known one as a hint."""
     if members.keys() <= known:
         return
     name = next(name for name in members if name not in known)
@@ -29,7 +29,7 @@ def refuse_unknown(members: Mapping[str, object], known: frozenset[str], where: 
 
 
 def refuse_misspelt(members: Mapping[str, object], read: frozenset[str], where: str = "") -> None:
-    """Raise WireError for a field that is not ``read`` but looks like one that is."""
+    """Raise WireError for a field that is not ``read`` but resembles one that is."""
     foreign = [name for name in members if name not in read]
     if len(foreign) > MOST_FOREIGN:
         raise WireError(f"more than {MOST_FOREIGN} fields are not known", where=where or "message")

@@ -74,7 +74,7 @@ def _pose(report: PoseReport, by: MessageSource) -> list[tuple[str, State]]:
 
 
 def _joints(report: JointReport, by: MessageSource) -> Sequence[tuple[str, State | dict[str, object]]]:
-    """Make one message for two topics; nothing without a joint. Other layouts have messages of their own."""
+    """Return one message for two topics; none without joints. Other layouts have messages of their own."""
     if not report.positions:
         return []
     if by.layout or report.tags is not None:

@@ -92,7 +92,7 @@ def stop_in(payload: bytes, kind: Kind = "command") -> str:
 
 
 def _members(pairs: list[tuple[str, object]]) -> dict[str, object]:
-    """Make an object of its members; of two values for one key a stop counts, else the last."""
+    """Build an object; of two values for one key a stop wins, else the last one."""
     members: dict[str, object] = {}
     for name, value in pairs:
         if not stop_word(members.get(name)):
@@ -110,7 +110,7 @@ def _of_value(value: object, *, tasks: bool) -> str:
 
 
 def _ended(message: Mapping[str, object], *, tasks: bool) -> str:
-    """Return ``stop`` for a velocity of no duration, and for what ends a task; else nothing."""
+    """Return ``stop`` for a velocity of duration 0 and for a command that ends a task; else empty."""
     name = message.get("command")
     if not isinstance(name, str):
         return ""

@@ -17,7 +17,7 @@ LARGEST_INTEGER = 2**63 - 1  # the largest integer that JSON readers can be expe
 
 
 def _unique(pairs: list[tuple[str, object]]) -> dict[str, object]:
-    """Make an object of its members; refuse a key that stands twice."""
+    """Build an object; refuse a duplicate key."""
     members = dict(pairs)
     if len(members) != len(pairs):
         keys = [key for key, _ in pairs]
@@ -96,7 +96,7 @@ def _refuse_half_characters(value: object) -> None:
 
 
 def parse_object(payload: bytes, *, limit: int = 1 << 20, depth: int = 32) -> dict[str, object]:
-    """Return the members of a JSON object; raises WireError like ``parse_json`` and for any other value."""
+    """Parse a JSON object; raises WireError like ``parse_json``, and for any other value."""
     value = parse_json(payload, limit=limit, depth=depth)
     if not isinstance(value, dict):
         raise WireError(f"a JSON object is needed, this is {kind(value)}")
@@ -128,7 +128,7 @@ def path(where: str, name: str) -> str:
 
 
 def _member(members: Mapping[str, object], name: str, where: str) -> object:
-    """Return a member that must be there."""
+    """Return a required member; raises WireError when it is missing."""
     if name not in members:
         raise WireError("is missing", where=path(where, name))
     return members[name]
@@ -148,17 +148,17 @@ def finite(value: object, where: str) -> float:
 
 
 def number(members: Mapping[str, object], name: str, where: str = "") -> float:
-    """Return the number called ``name``; raises WireError when it is missing or not a finite number."""
+    """Return the number ``name``; raises WireError when it is missing or not a finite number."""
     return finite(_member(members, name, where), path(where, name))
 
 
 def optional_number(members: Mapping[str, object], name: str, where: str = "") -> float | None:
-    """Return the number called ``name``, None when there is none; null is refused like a string."""
+    """Return the optional number ``name``, None when it is missing; null is refused like a string."""
     return number(members, name, where) if name in members else None
 
 
 def whole(members: Mapping[str, object], name: str, where: str = "") -> int:
-    """Return the whole number called ``name``; 3.0 is one, as in JSON Schema."""
+    """Return the whole number ``name``; 3.0 is one, as in JSON Schema."""
     value = number(members, name, where)
     if value != int(value):
         raise WireError(f"a whole number is needed, this is {value}", where=path(where, name))
@@ -166,7 +166,7 @@ def whole(members: Mapping[str, object], name: str, where: str = "") -> int:
 
 
 def text(members: Mapping[str, object], name: str, where: str = "") -> str:
-    """Return the string called ``name``; raises WireError when it is missing or something else."""
+    """Return the string ``name``; raises WireError when it is missing or has another type."""
     value = _member(members, name, where)
     if not isinstance(value, str):
         raise WireError(f"a string is needed, this is {kind(value)}", where=path(where, name))
@@ -174,7 +174,7 @@ def text(members: Mapping[str, object], name: str, where: str = "") -> str:
 
 
 def child(members: Mapping[str, object], name: str, where: str = "") -> dict[str, object]:
-    """Return the object called ``name``; raises WireError when it is missing or something else."""
+    """Return the object ``name``; raises WireError when it is missing or has another type."""
     value = _member(members, name, where)
     if not isinstance(value, dict):
         raise WireError(f"an object is needed, this is {kind(value)}", where=path(where, name))
@@ -182,5 +182,5 @@ def child(members: Mapping[str, object], name: str, where: str = "") -> dict[str
 
 
 def without_nulls(members: Mapping[str, object]) -> dict[str, object]:
-    """Return the members that have a value, for messages whose senders write null for "not given"."""
+    """Return the members that are not null, for senders that write null for "not given"."""
     return {name: value for name, value in members.items() if value is not None}

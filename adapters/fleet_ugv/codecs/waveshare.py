@@ -70,7 +70,7 @@ class WaveshareCodec(LineCodec):
         return None
 
     def _feedback(self, said: Mapping[str, object]) -> Feedback | None:
-        """Return a feedback; without both wheel speeds the line was spoiled."""
+        """Decode a feedback; a line without both wheel speeds was corrupted."""
         left, right = _number(said, "L", _SPEEDS), _number(said, "R", _SPEEDS)
         if left is None or right is None:
             self.garbage += 1
@@ -87,7 +87,7 @@ class WaveshareCodec(LineCodec):
         )
 
     def _ros(self, said: Mapping[str, object], speeds: tuple[float, float]) -> Feedback:
-        """Return the feedback of ugv_base_ros: centimetres, centivolts, raw steps, degrees."""
+        """Decode a feedback of ugv_base_ros: centimetres, centivolts, raw steps, degrees."""
         odl, odr = _number(said, "odl", _METRES), _number(said, "odr", _METRES)
         centivolts = _number(said, "v", (_VOLTS[0] * 100, _VOLTS[1] * 100))
         has_gimbal = self._module == PAN_TILT
@@ -159,7 +159,7 @@ def _number(said: Mapping[str, object], name: str, limits: _Limits) -> float | N
 
 
 def _radians(said: Mapping[str, object], name: str) -> float | None:
-    """Return an angle that is told in degrees."""
+    """Return in radians an angle that is sent in degrees."""
     degrees = _number(said, name, _DEGREES)
     return None if degrees is None else math.radians(degrees)
 

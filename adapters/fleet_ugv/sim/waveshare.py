@@ -141,12 +141,12 @@ class WaveshareBoard(SimBoard):
         return msgspec.json.encode({"T": 1001, "L": left, "R": right} | measured) + b"\n"
 
     def _general_fields(self) -> dict[str, object]:
-        """Return what ugv_base_general measures: degrees and volts."""
+        """Return the measurements of ugv_base_general: degrees and volts."""
         yaw = round(math.degrees(self.physics.yaw), 2)
         return {"r": 0.1, "p": -0.2, "y": yaw, "temp": 31.0, "v": self.voltage}
 
     def _ros_fields(self) -> dict[str, object]:
-        """Return what ugv_base_ros measures, in its own units: centimetres, centivolts, raw steps."""
+        """Return the measurements of ugv_base_ros, in its units: centimetres, centivolts, raw steps."""
         physics = self.physics
         gravity = 8192 / 9.80665
         said: dict[str, object] = {
