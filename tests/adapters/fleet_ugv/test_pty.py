@@ -22,7 +22,7 @@ DRIVER = """
 import asyncio, sys
 from fleet import Vector3, Velocity
 from fleet.errors import NotReady
-from fleet.host.robot.adapter_factory import make_adapter
+from fleet.host.robot.adapter_factory import create_adapter
 from fleet.testing.robot import RecordingRobot, serve
 from fleet_ugv import UgvAdapter, UgvConfig
 
@@ -30,7 +30,7 @@ async def drive(url, profile):
     config = UgvConfig(name="beast", twin="6f0c9a1e-3a6c-4f5e-9d2e-0c5a4b3d2e1f", adapter="ugv",
                        profile=profile, link=url)
     robot = RecordingRobot()
-    adapter = make_adapter(UgvAdapter, config, robot)
+    adapter = create_adapter(UgvAdapter, config, robot)
     run = asyncio.create_task(serve(adapter))
     while not run.done():
         await asyncio.sleep(0.02)
