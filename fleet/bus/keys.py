@@ -3,28 +3,28 @@
 =====================================  ====================================================
 key                                    what
 =====================================  ====================================================
-``fleet/{edge}``                       liveliness: the edge is there
-``fleet/{edge}/robots/{robot}``        liveliness: the robot's host is there
-``fleet/{edge}/workers/{worker}``      liveliness: the worker process is there
-``fleet/{edge}/workers/{worker}/beat``   publication: the worker's event loop turns
-``fleet/{edge}/claims/{twin}/{since}``  liveliness: the edge wants the twin, since (Unix ms), or ``-held``
-``fleet/{edge}/workers/{worker}/reload``  ask: take a changed drop-in file into use, while its robots rest
-``fleet/{edge}/workers/{worker}/halt``   publication: the worker is given up, its robots are halted
-``fleet/{edge}/robots/{robot}/command``  ask; the answers are its receipt and its end
-``fleet/{edge}/robots/{robot}/prepare``  ask; the answers: it is prepared for a common start, receipt, end
-``fleet/{edge}/starts``                ask what the time is, or tell the instant of a common start
-``fleet/{edge}/starts/{start}``        liveliness: who asks for that start is there
-``fleet/{edge}/robots/{robot}/video``  ask: start or stop video; a program that sends it answers
-``fleet/{edge}/robots/{robot}/state``  a robot's state: publication, and ask for the last
-``fleet/{edge}/held``                 publication: which robots of its workers stop inputs hold, and why
-``fleet/{edge}/places/{process}``      publication: where the robots of a process are, and where they go
-``fleet/{edge}/holders``               publication: who has the edge's twins, as the cloud shows it
-``fleet/{edge}/health``                the edge's state: publication, and ask for the last
-``fleet/{edge}/schedules``             ask for its schedules, switch one, or start what it starts
-``fleet/{edge}/history``               ask who asked what of its robots, and what became of it
-``fleet/{edge}/missions/{name}``       ask: what a mission takes; with ``do=start`` it is started
-``fleet/{edge}/runs/{run}``            a run's state: publication, and ask for it; control it by asking
-``fleet/{edge}/stop``                  emergency stop; publish or ask on ``fleet/*/stop``
+``fleet/{edge}``                       liveliness: the edge is up
+``fleet/{edge}/robots/{robot}``        liveliness: the robot's host is up
+``fleet/{edge}/workers/{worker}``      liveliness: the worker process is up
+``fleet/{edge}/workers/{worker}/beat``   publication: heartbeat of the worker's event loop
+``fleet/{edge}/claims/{twin}/{since}``  liveliness: the edge claims the twin since (Unix ms), or ``-held``
+``fleet/{edge}/workers/{worker}/reload``  query: load a changed drop-in file, while its robots rest
+``fleet/{edge}/workers/{worker}/halt``   publication: the edge gives up the worker, which halts its robots
+``fleet/{edge}/robots/{robot}/command``  query: a command; replies are its receipt and final result
+``fleet/{edge}/robots/{robot}/prepare``  query: prepare a common start; replies: prepared, receipt, final result
+``fleet/{edge}/starts``                query: the edge's time, or set the instant of a common start
+``fleet/{edge}/starts/{start}``        liveliness: the requester of that start is up
+``fleet/{edge}/robots/{robot}/video``  query: start or stop video; the program that sends it replies
+``fleet/{edge}/robots/{robot}/state``  publication, and query for the last: a robot's state
+``fleet/{edge}/held``                 publication: robots of its workers that stop inputs hold, and why
+``fleet/{edge}/places/{process}``      publication: positions and destinations of a process's robots
+``fleet/{edge}/holders``               publication: other holders of the edge's twins, seen in the cloud
+``fleet/{edge}/health``                publication, and query for the last: the edge's state
+``fleet/{edge}/schedules``             query: list its schedules, switch one, or start it now
+``fleet/{edge}/history``               query: events of its robots, with the senders of requests
+``fleet/{edge}/missions/{name}``       query: parameters of a mission; with ``do=start``, start it
+``fleet/{edge}/runs/{run}``            publication, and query: a run's state; queries also control it
+``fleet/{edge}/stop``                  emergency stop; publish or query on ``fleet/*/stop``
 =====================================  ====================================================
 """
 
