@@ -11,7 +11,7 @@ key                                    what
 ``fleet/{edge}/workers/{worker}/reload``  query: load a changed drop-in file, while its robots rest
 ``fleet/{edge}/workers/{worker}/halt``   publication: the edge gives up the worker, which halts its robots
 ``fleet/{edge}/robots/{robot}/command``  query: a command; replies are its receipt and final result
-``fleet/{edge}/robots/{robot}/prepare``  query: prepare a common start; replies: prepared, receipt, final result
+``fleet/{edge}/robots/{robot}/prepare``  query: prepare a common start; replies: prepared, receipt, result
 ``fleet/{edge}/starts``                query: the edge's time, or set the instant of a common start
 ``fleet/{edge}/starts/{start}``        liveliness: the requester of that start is up
 ``fleet/{edge}/robots/{robot}/video``  query: start or stop video; the program that sends it replies
