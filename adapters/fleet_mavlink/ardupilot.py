@@ -1,4 +1,4 @@
-"""ArduCopter. Numbers and habits as version 4.6 shows them on the wire."""
+"""ArduCopter: mode numbers and behaviour as observed on the wire of version 4.6."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from fleet_mavlink.payload_messages import MagCalProgress, MagCalReport
 from fleet_mavlink.texts import Sentence
 
 _GROUND_SPEED = 1.0  # param1 of DO_CHANGE_SPEED
-_PLACE_AND_YAW = 0x9F8  # type_mask: everything but the place and the yaw is ignored
+_PLACE_AND_YAW = 0x9F8  # type_mask: ignore everything except position and yaw
 
 
 class ArduCopter(ArduPilotKind, Flavour):
@@ -64,7 +64,7 @@ class ArduCopter(ArduPilotKind, Flavour):
     unset: ClassVar[float] = 0.0
     lead_in: ClassVar[float] = 0.0
     follows: ClassVar[Mapping[str, frozenset[str]]] = {}
-    compass_start: ClassVar[CommandLong] = CommandLong(Cmd.DO_START_MAG_CAL, param3=1.0)  # kept by itself
+    compass_start: ClassVar[CommandLong] = CommandLong(Cmd.DO_START_MAG_CAL, param3=1.0)  # saved by itself
     compass_stop: ClassVar[CommandLong] = CommandLong(Cmd.DO_CANCEL_MAG_CAL)
     braking: ClassVar[tuple[str, ...]] = ("BRAKE",)
 
@@ -99,11 +99,11 @@ class ArduCopter(ArduPilotKind, Flavour):
         )
 
     def after_go(self, speed: float) -> CommandLong | None:
-        """Return DO_CHANGE_SPEED; before the target it would be reset by it."""
+        """Return DO_CHANGE_SPEED. It must follow the target: a new target resets the speed."""
         return CommandLong(Cmd.DO_CHANGE_SPEED, param1=_GROUND_SPEED, param2=speed, param3=-1.0)
 
     def calibration_step(self, said: MavlinkMessage | Sentence) -> CalibrationStep | None:
-        """Read MAG_CAL_PROGRESS and MAG_CAL_REPORT, one for each compass."""
+        """Read MAG_CAL_PROGRESS and MAG_CAL_REPORT, which come once per compass."""
         if not isinstance(said, MagCalProgress | MagCalReport):
             return None
         others = frozenset(each for each in range(8) if said.cal_mask >> each & 1) | {said.compass_id}

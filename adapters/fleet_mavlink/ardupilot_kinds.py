@@ -1,4 +1,4 @@
-"""ArduPilot's other vehicles: modes by number, as version 4.6 has them, and what brakes each."""
+"""ArduPilot's other vehicles: mode numbers of version 4.6, and the modes that brake each of them."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from fleet_mavlink.vehicle_kind import Brake, VehicleKind
 
 
 class ArduPilotKind(VehicleKind):
-    """What all vehicles on ArduPilot have in common."""
+    """Common part of all vehicles on ArduPilot."""
 
     name: ClassVar[str] = "ardupilot"
     rates: ClassVar[Mapping[int, float]] = {EkfStatusReport.message_id: 1.0}

@@ -1,4 +1,4 @@
-"""Which frames of a vehicle are believed, how ours to it are made, and what was refused."""
+"""Authentication of a vehicle's frames, and signing of ours to it."""
 
 from __future__ import annotations
 
@@ -15,17 +15,17 @@ FALSE = "frames with a false or an old signature"
 
 
 class Trust:
-    """The checks of one vehicle; ``counts`` says how often what was refused, or did not fit."""
+    """Signature checks of one vehicle; ``counts`` counts refused and mismatching frames by reason."""
 
     def __init__(self, signer: Signer | None = None, *, accept_unsigned: bool = False) -> None:
         self.signer = signer
-        self.signed = False  # whether the newest frame that was believed was signed with our key
+        self.signed = False  # whether the newest accepted frame was signed with our key
         self.way = FrameSettings(signer=signer) if signer is not None else PLAIN
         self.counts: Counter[str] = Counter()
         self._accept_unsigned = accept_unsigned
 
     def admits(self, frame: Frame) -> bool:
-        """Return whether a frame may be believed; learn which version its sender speaks."""
+        """Return True when a frame is accepted; also learn the MAVLink version of its sender."""
         if self.signer is None:
             if isinstance(frame.message, Heartbeat) and frame.version != self.way.version:
                 self.way = FrameSettings(version=frame.version)

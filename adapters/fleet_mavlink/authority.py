@@ -1,4 +1,4 @@
-"""Who has the vehicle: us, or somebody who changed its mode (a pilot, its own fail-safe)."""
+"""Authority over the vehicle: ours, or lost to a change of mode by a pilot or its own fail-safe."""
 
 from __future__ import annotations
 
@@ -11,31 +11,31 @@ from fleet_mavlink.state import VehicleState
 
 
 class Authority:
-    """Watches the mode. What we did not ask for, while the vehicle is armed, takes it from us.
+    """Watches the mode. A change that we did not request, while the vehicle is armed, ends our authority.
 
-    ``lost`` is called with the reason. It is ours again once a change of mode that we asked for was carried
-    out, or once it is disarmed.
+    ``lost`` is called with the reason. Authority returns once a change of mode that we requested was carried
+    out, or once the vehicle is disarmed.
     """
 
     def __init__(self, lost: Callable[[str], None]) -> None:
         self._lost = lost
-        self.lost_to = ""  # the mode that took it; empty while it is ours
-        self.cause = ""  # in the words of the fail-safe that took it
+        self.lost_to = ""  # the mode that ended our authority; empty while we have it
+        self.cause = ""  # reason given by the fail-safe that ended it
         self._expected: frozenset[str] = frozenset()
         self._earlier: frozenset[str] = frozenset()  # asked for before, and not seen yet: they may come first
         self._mode = ""
 
     @property
     def taker(self) -> str:
-        """Who has it, in words: the mode, and why where a fail-safe took it."""
+        """Who has authority, in words: the mode, and the reason of a fail-safe."""
         return f"{self.lost_to}: {self.cause}" if self.cause else self.lost_to
 
     @contextlib.contextmanager
     def asking(self, *modes: str) -> Iterator[None]:
-        """Take the vehicle by what is asked of it meanwhile, if that is carried out.
+        """Regain authority by the commands sent inside the ``with`` block, if they are carried out.
 
-        What the autopilot itself refused gives nothing back, and is not expected any more. What was left
-        unanswered, or broken off, may still be obeyed.
+        A mode that the autopilot refused is no longer expected. A command that was left unanswered, or was
+        cancelled, may still be obeyed, so its mode stays expected.
         """
         before = self._earlier, self._expected
         self.expect(*modes)
@@ -48,7 +48,7 @@ class Authority:
         self.lost_to = ""
 
     def expect(self, *modes: str) -> None:
-        """Expect a command to lead to one of these modes; a vehicle that is not ours stays so."""
+        """Expect a command to lead to one of these modes; lost authority is not regained by it."""
         self._earlier |= self._expected
         self._expected = frozenset(modes)
 
@@ -57,7 +57,7 @@ class Authority:
         self._expected |= set(modes)
 
     def observe(self, state: VehicleState, flavour: Flavour, alarm: str = "") -> None:
-        """Look at a new heartbeat, before anybody who waits for it does; ``alarm``: what a fail-safe said."""
+        """Handle a new heartbeat, before its waiters run; ``alarm``: text of a fail-safe."""
         mode = flavour.mode_of(state)
         before, self._mode = self._mode, mode
         if mode in self._expected:
@@ -79,7 +79,7 @@ class Authority:
     def _allowed(
         self, before: str, follows: Mapping[str, frozenset[str]], ours: frozenset[str]
     ) -> frozenset[str]:
-        """Return the modes that are no surprise; at first sight those in which nobody else flies."""
+        """Return the modes that keep our authority; at first those in which nobody else flies."""
         if not before:
             return ours
         return self._expected | self._earlier | follows.get(before, frozenset())

@@ -1,4 +1,4 @@
-"""Braking a vehicle that is not moved here, whoever moves it, and seeing that it brakes."""
+"""Braking of a vehicle that this adapter does not move, with a check that it slows down."""
 
 from __future__ import annotations
 
@@ -13,25 +13,26 @@ from fleet_mavlink.vehicle import Vehicle
 from fleet_mavlink.vehicle_kind import Brake, VehicleKind
 
 _STANDS = 0.25  # m/s; below it counts as standing
-_SLOWED = 0.7  # share of its speed that it must be down to where it does not stand yet,
-_SLOW = 0.5  # m/s, or this
+_SLOWED = 0.7  # a vehicle that still moves must be down to this share of its speed,
+_SLOW = 0.5  # m/s, or below this speed
 _FRESH = 1.0  # s
 _A_PAUSE = "a pause"
-_WITHIN = 3.0  # s for all of it, of the 5 s that the host gives; ArduRover coasts 7 s from 3.5 m/s in HOLD
-_AT_LEAST = 1.0  # s in which it must be seen to slow down, however long the change of mode took
+_WITHIN = 3.0  # s for the whole stop, of the host's 5 s; ArduRover coasts 7 s from 3.5 m/s in HOLD
+_AT_LEAST = 1.0  # s left to observe the speed, however long the change of mode took
 
 
 class Brakes:
-    """Brakes one vehicle; a stop that is not seen to work fails with what is seen instead."""
+    """Brakes one vehicle; a stop without visible effect fails, with the observed state as the reason."""
 
     def __init__(self, vehicle: Vehicle, commander: Commander) -> None:
         self._vehicle = vehicle
         self._commander = commander
 
     async def brake(self) -> None:
-        """Brake; returns once it stands or slows down, for wings once the mode is shown in which they circle.
+        """Brake; returns once the vehicle stands or slows down, for a plane once it is in its circling mode.
 
-        Raises NotReady when it does not answer, Refused in the autopilot's words, TimedOut when it goes on.
+        Raises NotReady when it does not answer, Refused with the autopilot's reason, TimedOut when it does
+        not slow down.
         """
         vehicle = self._vehicle
         require_heartbeat(vehicle)
@@ -45,20 +46,20 @@ class Brakes:
             await self._see(speed, left, shown)
 
     def first(self) -> Ask | None:
-        """Return the command that brakes it best, None for what needs none; from any thread."""
+        """Return the command that brakes it best, None when it needs none; from any thread."""
         state, kind = self._vehicle.state, self._vehicle.kind
         if kind is None or not state.armed:
             return None
         return self._commander.addressed(kind.brakes(state)[0].ask)
 
     async def _engage(self, kind: VehicleKind) -> str:
-        """Have it take the first brake that it does not refuse; return what it then shows."""
+        """Try the brakes in order until one is not refused; return the mode that is then shown."""
         refusals: list[CommandError] = []
         for brake in kind.brakes(self._vehicle.state):
             try:
                 await self._take(brake, kind)
             except Superseded:
-                raise  # by another stop: the next brake would be in its way
+                raise  # superseded by another stop: trying the next brake would disturb it
             except CommandError as error:
                 refusals.append(error)
             else:
@@ -71,17 +72,17 @@ class Brakes:
         raise Refused(f"{self._vehicle.what} was not stopped: {said}", hint="stop it by other means")
 
     async def _take(self, brake: Brake, kind: VehicleKind) -> None:
-        """Give one command, until its mode is shown."""
+        """Send one brake command until its mode is shown."""
         if brake.mode:
             await self._commander.enter(brake.mode, kind.mode_of, brake.ask)
         else:
             await self._commander.ask(brake.ask, tries=2)
 
     async def _see(self, before: float | None, seconds: float, shown: str) -> None:
-        """Wait until it stands; raises TimedOut when it does not even slow down."""
+        """Wait until the vehicle stands; raises TimedOut when it does not even slow down."""
         vehicle = self._vehicle
         if before is None and shown != _A_PAUSE:
-            return  # it tells no speed: the mode is all there is to be seen
+            return  # it reports no speed: the mode is the only evidence
         if await vehicle.until(self._stands, seconds):
             return
         now = self._speed(vehicle.state)
@@ -90,7 +91,7 @@ class Brakes:
             raise TimedOut(f"{vehicle.what} took {shown} and {seen}", hint="stop it by other means")
 
     def _speed(self, state: VehicleState) -> float | None:
-        """Return its speed over ground, None while it tells none."""
+        """Return its ground speed, m/s; None while it reports none."""
         fresh = self._vehicle.now() - state.position_at <= _FRESH
         return state.velocity.horizontal() if state.velocity is not None and fresh else None
 

@@ -1,4 +1,4 @@
-"""Taking a picture with a camera that speaks MAVLink's camera protocol beside the autopilot."""
+"""Pictures of a camera component with MAVLink's camera protocol."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ _TAKEN_WITHIN = 5.0  # s
 
 
 class Photo(msgspec.Struct, frozen=True):
-    """A picture that was taken: its number, and where the camera keeps it."""
+    """A picture that was taken: its number, and its location on the camera."""
 
     index: int
     url: str
 
 
 class Camera:
-    """The camera of one vehicle, once its heartbeat was heard."""
+    """Camera of one vehicle, usable once its heartbeat was received."""
 
     def __init__(self, vehicle: Vehicle, timing: Timing) -> None:
         self._vehicle = vehicle
@@ -33,7 +33,7 @@ class Camera:
         self._commander: tuple[Part, Commander] | None = None
 
     async def take_photo(self) -> Photo:
-        """Take one picture; returns once the camera says that it has it.
+        """Take one picture; returns once the camera confirms it.
 
         Raises Unsupported without a camera, Fault when the camera could not, TimedOut when it is silent.
         """
@@ -50,7 +50,7 @@ class Camera:
                 param3=_ONE,
                 param4=float(self._taken),
             )
-            # Once: a repeat might take a second picture.
+            # Sent only once: a repeat might take a second picture.
             await self._commander_of(camera).ask(ask, tries=1)
             taken = await heard.next(_TAKEN_WITHIN)
         if taken is None:
@@ -60,7 +60,7 @@ class Camera:
         return Photo(taken.image_index, taken.file_url)
 
     def _commander_of(self, camera: Part) -> Commander:
-        """Return who asks this camera."""
+        """Return the commander for this camera component."""
         if self._commander is None or self._commander[0] is not camera:
             self._commander = camera, Commander(camera, self._timing)
         return self._commander[1]

@@ -1,7 +1,7 @@
-"""MAVLink 1 and 2 frames to and from typed messages.
+"""Codec for MAVLink 1 and 2 frames, to and from typed messages.
 
-pymavlink's dialect ``all`` says how each message is laid out; the frames are cut and checked here, because
-that is five times faster than its parser and lets unwanted messages go before they are decoded.
+Message layouts come from pymavlink's dialect ``all``. Frames are cut and checked here, which is five times
+faster than pymavlink's parser and skips unwanted messages before they are decoded.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ _MAGICS = b"\xfd\xfe"
 _MAGIC = re.compile(b"[\xfd\xfe]")
 _HEADER_1 = 6
 _HEADER_2 = 10
-_UNTOLD = -1  # a length that cannot be told yet
+_UNTOLD = -1  # a length that is not known yet
 _SIGNED = 0x01  # the only incompatibility flag there is
 _LAST_OF_1 = 255  # the largest message id in MAVLink 1
 _SIZES = {
@@ -49,7 +49,7 @@ _CRC_EXTRA = {number: bytes([kind.crc_extra]) for number, kind in _WIRES.items()
 
 
 class Frame(msgspec.Struct, frozen=True):
-    """A decoded message and who sent it; ``signed`` is the whole frame where it is signed."""
+    """A decoded message and its sender; ``signed`` is the whole frame if it is signed."""
 
     system: int
     component: int
@@ -59,7 +59,7 @@ class Frame(msgspec.Struct, frozen=True):
 
 
 class _Layout:
-    """Where the fields of one message stand in its payload."""
+    """Layout of one message's fields in its payload."""
 
     def __init__(self, kind: type[MavlinkMessage]) -> None:
         wire = _WIRES[kind.message_id]
@@ -80,12 +80,12 @@ class _Layout:
         self._rest = tuple(self._blank[index] for index in rest)
 
     def _has_text(self, wire: Any) -> bool:
-        """Return whether one of the wanted fields is a text."""
+        """Return True when one of the wanted fields is a text."""
         texts = dict(zip(wire.ordered_fieldnames, _texts(wire), strict=True))
         return any(texts[name] for name, _ in self._wanted)
 
     def decode(self, payload: bytes) -> MavlinkMessage:
-        """Return the message; MAVLink 2 cuts zeros off the end, a newer dialect adds fields."""
+        """Decode a payload; MAVLink 2 truncates trailing zeros, and a newer dialect appends fields."""
         size = self._packing.size
         values = self._packing.unpack(payload[:size].ljust(size, b"\0"))
         if self._pick is not None:
@@ -93,7 +93,7 @@ class _Layout:
         return self.kind(**{name: _value(values[place]) for name, place in self._wanted})
 
     def encode(self, message: MavlinkMessage) -> bytes:
-        """Return the payload without the zeros at its end (one byte stays)."""
+        """Encode a message to a payload without trailing zeros (at least one byte)."""
         if self._pick is not None and self._order is not None:
             values: Sequence[object] = self._order(msgspec.structs.astuple(message) + self._rest)
         else:
@@ -104,12 +104,12 @@ class _Layout:
 
 
 def _picker(indexes: Sequence[int]) -> Callable[[Sequence[object]], tuple[object, ...]] | None:
-    """Return what takes the values at some indexes, None for fewer than two."""
+    """Return a function that picks the values at some indexes, None for fewer than two."""
     return itemgetter(*indexes) if len(indexes) > 1 else None
 
 
 def _base_size(wire: Any) -> int:
-    """Return the bytes of a payload without its extensions: those that ``crc_extra`` covers.
+    """Return the size of a payload without extension fields, which is the part that ``crc_extra`` covers.
 
     MAVLink 1 has no extensions, and a fixed length for each message.
     """
@@ -162,7 +162,7 @@ _WRITE = {kind.message_id: _Layout(kind) for module in _MODULES for kind in modu
 
 
 class FrameSettings(msgspec.Struct, frozen=True):
-    """How frames for one vehicle are made: in which version, signed by whom, on which of our links."""
+    """Settings of the frames for one vehicle: MAVLink version, signer, and our link id."""
 
     version: int = 2
     signer: Signer | None = None
@@ -177,7 +177,7 @@ def pack(
 ) -> bytes:
     """Return the frame of an outgoing message, from this system and component.
 
-    Version 1 is spoken to who speaks it; a message that it does not have goes out in version 2.
+    A peer that uses version 1 is sent version 1; a message that version 1 lacks is sent in version 2.
     """
     number = message.message_id
     layout = _WRITE[number]
@@ -199,7 +199,7 @@ def _checksum(body: bytes, crc_extra: bytes) -> bytes:
 
 
 class Packer:
-    """Makes frames in the name of one station, numbering them; for one thread."""
+    """Makes the frames of one station, with their sequence numbers; for one thread."""
 
     def __init__(self, system: int, component: int) -> None:
         self.system = system
@@ -213,10 +213,10 @@ class Packer:
 
 
 class Parser:
-    """Cuts one stream of bytes into frames; junk is stepped over, at most one frame is kept back.
+    """Cuts one stream of bytes into frames; garbage is skipped, at most one partial frame is kept.
 
-    A frame counts only when its checksum is right, so a message that the dialect does not know can
-    never be taken for one, and no byte of it names a vehicle.
+    Only a frame with a valid checksum is accepted. A message unknown to the dialect has none that can be
+    checked, so it is never accepted, and its bytes cannot be mistaken for a vehicle's id.
     """
 
     def __init__(self) -> None:
@@ -224,7 +224,7 @@ class Parser:
         self._rest = b""
 
     def feed(self, data: bytes) -> list[Frame]:
-        """Take what arrived; return the frames of wanted messages that it completes."""
+        """Take received bytes; return the frames of wanted messages that they complete."""
         buffer = self._rest + data
         frames: list[Frame] = []
         at, length = 0, len(buffer)
@@ -251,9 +251,9 @@ class Parser:
 
 
 def _head(buffer: bytes, at: int, length: int) -> tuple[int, int]:
-    """Return the length of the frame that begins here, and its message's number.
+    """Return the length of the frame that starts here, and its message id.
 
-    The length is 0 if none can begin here, and _UNTOLD while it cannot be told.
+    The length is 0 if no frame can start here, and _UNTOLD while too few bytes are there to know it.
     """
     left = length - at
     if left < _HEADER_1:
@@ -272,7 +272,7 @@ def _head(buffer: bytes, at: int, length: int) -> tuple[int, int]:
 
 
 def _is_unwanted(buffer: bytes, at: int, end: int, number: int) -> bool:
-    """Return whether a MAVLink 2 frame is not worth a checksum: unwanted, then another or nothing."""
+    """Return True for an unwanted MAVLink 2 frame, followed by another start or nothing: not worth a CRC."""
     if number in _READ or buffer[at] == _MAGIC_1:
         return False
     return end == len(buffer) or buffer[end] in _MAGICS

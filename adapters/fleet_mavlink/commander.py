@@ -1,7 +1,7 @@
-"""Asking a vehicle to do something, and finding out whether it will.
+"""Sends commands to a vehicle and waits for their acknowledgement.
 
-One command at a time for each vehicle: PX4 loses acknowledgements in bursts, and an acknowledgement
-does not say which of two equal commands it answers.
+One command at a time per vehicle: PX4 loses acknowledgements in bursts, and an acknowledgement does not say
+which of two equal commands it answers.
 """
 
 from __future__ import annotations
@@ -30,21 +30,21 @@ from fleet_mavlink.vehicle import Condition, Vehicle
 
 
 class Timing(msgspec.Struct, frozen=True):
-    """How long to wait for what, seconds; tests make it shorter."""
+    """Time-outs, seconds; tests shorten them."""
 
     answer: float = 1.0  # for an acknowledgement, before the command is sent again
     tries: int = 4
-    working: float = 5.0  # for the next word after "in progress"
-    patience: float = 2.0  # to ask again what was rejected for the moment
-    pause: float = 0.5  # between those
-    words: float = 0.3  # for the reason, which may follow the refusal
-    heartbeat: float = 1.3  # for the next heartbeat, which alone shows a mode
+    working: float = 5.0  # for the next acknowledgement after "in progress"
+    patience: float = 2.0  # for repeating a command that was temporarily rejected
+    pause: float = 0.5  # between these repeats
+    words: float = 0.3  # for the text with the reason, which may follow the refusal
+    heartbeat: float = 1.3  # for the next heartbeat: only heartbeats show the mode
 
 
 NEVER_SENT = "answers to commands that were never sent"
 _LATE = 2.0  # s in which a command that was left unanswered may still be answered
-_SAME_PLACE = 0.5  # m; what comes back is rounded, and counted from another height
-_CROSSING = 0.1  # s in which a heartbeat and an answer may cross
+_SAME_PLACE = 0.5  # m; the reported target is rounded, and relative to another altitude
+_CROSSING = 0.1  # s within which a heartbeat and an answer may overtake each other
 _UNSUPPORTED = {
     Result.UNSUPPORTED,
     Result.COMMAND_LONG_ONLY,
@@ -92,12 +92,12 @@ class _Exchange:
         return self
 
     async def __aexit__(self, *_: object) -> None:
-        """Listen no more."""
+        """Stop listening."""
         self._commander.exchange = None
         self._commander.turn.release()
 
     def supersede(self, reason: str) -> None:
-        """End it with this reason."""
+        """End the exchange with this reason."""
         self.superseded = reason
         self._wake()
 
@@ -107,7 +107,7 @@ class _Exchange:
         self._wake()
 
     def _wake(self) -> None:
-        """Wake who waits."""
+        """Wake the waiting task."""
         if self._news is not None and not self._news.done():
             self._news.set_result(None)
 
@@ -126,7 +126,7 @@ class _Exchange:
 
 
 class Commander:
-    """Sends commands to one vehicle; its errors carry the autopilot's own words."""
+    """Sends commands to one vehicle; its errors contain the autopilot's own texts."""
 
     def __init__(self, vehicle: Vehicle, timing: Timing) -> None:
         self.timing = timing
@@ -139,7 +139,7 @@ class Commander:
         vehicle.on_ack = self._acknowledged
 
     def supersede(self, reason: str) -> None:
-        """End the commands under way, and those that wait, with this reason, for something more urgent."""
+        """End the current and the waiting commands with this reason, for a more urgent one."""
         for exchange in (*self.waiting, *((self.exchange,) if self.exchange else ())):
             exchange.supersede(reason)
 
@@ -154,8 +154,8 @@ class Commander:
     ) -> None:
         """Send a command until it is accepted; one that ``yields`` is given up when another is asked.
 
-        ``seen`` tells from the vehicle's state that it was obeyed although no answer came, so that what
-        must not be done twice is not sent twice. Raises Refused, NotReady (rejected for the moment),
+        ``seen`` detects in the vehicle's state that the command was obeyed although its answer was lost, so
+        that it is not sent, and carried out, twice. Raises Refused, NotReady (temporarily rejected),
         Unsupported, TimedOut (no answer), LinkLost.
         """
         async with _Exchange(self, ask, yields=yields) as exchange:
@@ -212,8 +212,8 @@ class Commander:
     async def enter(self, mode: str, shows: Callable[[VehicleState], str], ask: Ask) -> None:
         """Send a command until the vehicle's heartbeat shows the mode that it leads to.
 
-        Acknowledgements only explain a failure: PX4 sends two, of which the first means nothing, and the
-        second may be taken for the next command's. Raises as ``ask`` does.
+        Acknowledgements only explain a failure: PX4 sends two, the first of which means nothing, and the
+        second may be mistaken for that of the next command. Raises like ``ask``.
         """
         async with _Exchange(self, ask) as exchange:
             already = shows(self.vehicle.state) == mode
@@ -250,9 +250,9 @@ class Commander:
             )
 
     async def send_to(self, target: SetPositionTargetGlobalInt, altitude: float) -> None:
-        """Send a place (``altitude`` m AMSL) until the vehicle tells it as its own; it is not acknowledged.
+        """Send a position target (``altitude`` m AMSL) until the vehicle reports it; it is not acknowledged.
 
-        Raises Refused when the vehicle keeps another, or when something more urgent took over.
+        Raises Refused when the vehicle keeps another target, or when a more urgent command took over.
         """
         look = CommandLong(Cmd.REQUEST_MESSAGE, param1=float(PositionTargetGlobalInt.message_id))
         addressed = msgspec.structs.replace(target, target_system=self.vehicle.system)
@@ -278,14 +278,15 @@ class Commander:
 
     @staticmethod
     def _is_refused(exchange: _Exchange, state: VehicleState) -> bool:
-        """Return whether a heartbeat after a refusal still shows another mode.
+        """Return True when a heartbeat after a refusal still shows another mode.
 
-        One that comes at once after it may be older than the mode, and the refusal the last command's.
+        A heartbeat right after the refusal does not count: it may be older than the change of mode, and the
+        refusal may be that of the previous command.
         """
         return exchange.refusal is not None and state.heartbeat_at > exchange.refused_at + _CROSSING
 
     def _acknowledged(self, ack: CommandAck) -> None:
-        """Note an answer to the command that is under way; others are late or somebody else's."""
+        """Note an answer to the current command; others are late, or meant for another station."""
         exchange = self.exchange
         self._unanswered.pop(ack.command, None)
         if ack.command not in self._ever:
@@ -316,7 +317,7 @@ class Commander:
             wait = self.timing.working
 
     def addressed(self, ask: Ask) -> Ask:
-        """Return a command with the vehicle's address in it, to be sent; answers to it are expected."""
+        """Return a command with the vehicle's address filled in, and expect answers to it."""
         self._ever.add(ask.command)
         return msgspec.structs.replace(ask, target_system=self.vehicle.system)
 
@@ -329,7 +330,7 @@ class Commander:
         self.vehicle.send(addressed)
 
     async def _refusal(self, ask: Ask, ack: CommandAck, exchange: _Exchange) -> Exception:
-        """Return the error for a refusal, once the autopilot had time to say why."""
+        """Return the error for a refusal, after waiting for the autopilot's text with the reason."""
         await asyncio.sleep(self.timing.words)
         words = self._words_since(exchange.began)
         result = result_name(ack.result)
@@ -341,13 +342,13 @@ class Commander:
         return Refused(reason, device_result=result, messages=words)
 
     def _words_since(self, began: float) -> tuple[str, ...]:
-        """Return what the autopilot said since then: its warnings, or anything when there are none."""
+        """Return the autopilot's texts since then: its warnings, or all texts when there are none."""
         said = [sentence for sentence in self.vehicle.sentences if sentence.at >= began]
         return _texts([sentence for sentence in said if sentence.severity <= WARNING] or said)
 
 
 def _is_bound_for(state: VehicleState, place: GeoPoint, since: float) -> bool:
-    """Return whether the vehicle told since then that it flies to a place (altitude AMSL)."""
+    """Return True when the vehicle has since reported this position (altitude AMSL) as its target."""
     told = state.sensors.bound_for
     if told is None or state.sensors.bound_at < since:
         return False

@@ -1,4 +1,4 @@
-"""Calibrating the compass, with its progress; what an autopilot tells about it is its flavour's business."""
+"""Compass calibration, with progress; the flavour interprets the messages of its autopilot."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from fleet_mavlink.preconditions import require_connection
 from fleet_mavlink.received_messages import ReceivedMessages
 from fleet_mavlink.texts import Sentence
 
-_SILENCE = 15.0  # s without a word after which it counts as ended
+_SILENCE = 15.0  # s without a message after which the calibration counts as ended
 _CANCELLED = Sentence("cancelled", 6, 0.0)
 
 Said = MavlinkMessage | Sentence
@@ -29,9 +29,10 @@ class Compass:
         self._heard: ReceivedMessages[Said] | None = None
 
     async def calibrate(self) -> AsyncIterator[Progress]:
-        """Begin, and tell the progress while the vehicle is turned about; ends once it is calibrated.
+        """Calibrate while a person turns the vehicle, yielding progress; ends when it is calibrated.
 
-        Raises Refused in the autopilot's words when it fails or is stopped. Left early, it is stopped.
+        Raises Refused with the autopilot's reason when it fails or is stopped. Closing the generator early
+        stops the calibration.
         """
         flight = self._flight
         require_connection(flight.vehicle)
@@ -59,7 +60,7 @@ class Compass:
             self._heard.put(_CANCELLED)
 
     async def _follow(self, heard: ReceivedMessages[Said]) -> AsyncIterator[Progress]:
-        """Follow it to its end; with several compasses the slowest says how far it is."""
+        """Follow the calibration to its end; of several compasses the slowest gives the progress."""
         step_of = self._flight.flavour.calibration_step
         percents: dict[int, float] = {}
         yield Progress(0.0, "turn the vehicle about all its axes")
@@ -80,6 +81,6 @@ class Compass:
         yield Progress(100.0, "calibrated")
 
     async def _stop_quietly(self) -> None:
-        """Stop it on the vehicle, where that can be done."""
+        """Stop the calibration on the vehicle; failures are ignored."""
         with contextlib.suppress(CommandError, LinkError):
             await self._flight.commander.ask(self._flight.flavour.compass_stop, tries=1)

@@ -1,4 +1,4 @@
-"""What fleet.yaml says of a robot on MAVLink."""
+"""Config model of a MAVLink robot in fleet.yaml."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from fleet_mavlink.sim.spec import SimSpec
 
 
 def _checked_link(text: str) -> str:
-    """Return a good link; raises ValueError, which pydantic tells with its place."""
+    """Return a valid link; raises ValueError, which pydantic reports with its position."""
     if text.startswith("sim:"):
         SimSpec.parse(text)
         return text
@@ -26,7 +26,7 @@ def _checked_link(text: str) -> str:
 
 
 class Rates(Model):
-    """How often things are reported, times a second."""
+    """Rates of reports, Hz."""
 
     pose: float = Field(10.0, ge=1, le=40, description="Position and attitude, Hz.")
     gps: float = Field(1.0, gt=0, le=2, description="Satellite fix, Hz.")
@@ -38,7 +38,7 @@ class Rates(Model):
 
 
 class Timeouts(Model):
-    """How long is waited for what, seconds."""
+    """Time-outs of commands, seconds."""
 
     answer: float = Field(1.0, ge=0.1, le=10, description="For an answer, until a command is sent again.")
     tries: int = Field(4, ge=1, le=10, description="How often a command is sent at the most.")
@@ -114,7 +114,7 @@ class MavlinkConfig(AdapterConfig):
     @field_validator("backup_links")
     @classmethod
     def _real(cls, links: tuple[str, ...]) -> tuple[str, ...]:
-        """Raise ValueError for a simulated one: a simulator is no second way to a vehicle."""
+        """Raise ValueError for a simulated link: a simulator cannot be a redundant link to a vehicle."""
         if any(link.startswith("sim:") for link in links):
             raise ValueError("a simulated vehicle is no second way to one")
         return links
@@ -126,11 +126,11 @@ class MavlinkConfig(AdapterConfig):
 
     @property
     def keeping(self) -> Keeping:
-        """What is done about the autopilot's fail-safe parameters."""
+        """How the autopilot's fail-safe parameters are handled."""
         return self.failsafes or ("set" if self.simulated else "check")
 
     def identity(self) -> str:
-        """Return what makes this the same machine as another entry: the link and the system id."""
+        """Return the identity of the machine, to find duplicate entries: the link and the system id."""
         if self.simulated:
             return f"{self.link} {self.name}"
         return f"{self.link} system {self.system_id}"

@@ -1,4 +1,4 @@
-"""The numbers of MAVLink that this adapter uses, by name."""
+"""Numbers of the MAVLink specification that this adapter uses, by name."""
 
 from __future__ import annotations
 
@@ -111,9 +111,9 @@ FIX_TYPES: Mapping[int, str] = {
     8: "ppp",
 }
 ARDUPILOT, PX4 = 3, 12  # MAV_AUTOPILOT
-MULTIROTORS = (2, 3, 4, 13, 14, 15, 29, 35)  # MAV_TYPE: what flies as a multirotor does; others are not flown
+MULTIROTORS = (2, 3, 4, 13, 14, 15, 29, 35)  # MAV_TYPE: multirotors; other types are not flown
 VTOLS = range(19, 26)  # MAV_TYPE
-ON_THE_SURFACE = frozenset({5, 10, 11})  # MAV_TYPE: it has no height above home to speak of
+ON_THE_SURFACE = frozenset({5, 10, 11})  # MAV_TYPE: vehicles without a meaningful height above home
 VTOL_HOVERS = frozenset({2, 3})  # MAV_VTOL_STATE: it hovers, or is about to
 VEHICLE_TYPES: Mapping[int, str] = {
     0: "generic",

@@ -46,7 +46,7 @@ class EventWire:
 
 
 class Event(MavlinkMessage, frozen=True):
-    """EVENT: something happened; what it means stands in a file that the vehicle serves."""
+    """EVENT: an event by number; a file that the vehicle serves explains it."""
 
     message_id: ClassVar[int] = 410
     id: int

@@ -1,4 +1,4 @@
-"""Getting a vehicle's list of events: kept here by its checksum, else from the vehicle on the ground."""
+"""A vehicle's list of events: from the local cache, by checksum, else downloaded while on the ground."""
 
 from __future__ import annotations
 
@@ -14,26 +14,26 @@ from fleet_mavlink.events import PATH, EventDictionary
 from fleet_mavlink.files import FtpClient
 from fleet_mavlink.vehicle import Vehicle
 
-_FOREVER = 3600.0  # s between looks when nothing happens
+_FOREVER = 3600.0  # s between checks when nothing happens
 _AGAIN = 30.0  # s
 _TRIES = 3
 
 
 def cache() -> Path:
-    """Return the folder in which lists of events are kept."""
+    """Return the cache folder for lists of events."""
     base = os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
     return Path(base) / "fleet" / "mavlink-events"
 
 
 class EventKeeper:
-    """Gives a vehicle its dictionary of events, anew after each of its restarts."""
+    """Loads the event dictionary of a vehicle, again after each of its restarts."""
 
     def __init__(self, vehicle: Vehicle) -> None:
         self._vehicle = vehicle
         self._files = FtpClient(vehicle)
 
     async def keep(self) -> None:
-        """Get the list when the vehicle is met and stands on the ground, until cancelled."""
+        """Load the list whenever the vehicle is connected and on the ground, until cancelled."""
         while True:
             while not await self._vehicle.until(lambda _: self._vehicle.connected, _FOREVER):
                 self._vehicle.log.debug("it is still not met")
@@ -70,7 +70,7 @@ class EventKeeper:
 
 
 def _keep(path: Path, data: bytes) -> None:
-    """Write a file whole, or not at all."""
+    """Write a file atomically."""
     path.parent.mkdir(parents=True, exist_ok=True)
     handle, name = tempfile.mkstemp(dir=path.parent)
     with os.fdopen(handle, "wb") as file:

@@ -1,4 +1,4 @@
-"""What PX4's EVENT messages say: decoded with the file that the vehicle itself serves. No I/O."""
+"""Decoder of PX4's EVENT messages, with the metadata file that the vehicle itself serves. No I/O."""
 
 from __future__ import annotations
 
@@ -15,8 +15,8 @@ from fleet_mavlink.event_messages import Event
 
 PATH = "etc/extras/all_events.json.xz"
 _MOST_BYTES = 8 << 20  # unpacked
-_PROTOCOL = 8  # log level: from here on it is for programs
-_FOR_PEOPLE = "default"  # the group of what happens; the others are lists of checks, told for each mode
+_PROTOCOL = 8  # log level; from here on events are for programs
+_FOR_PEOPLE = "default"  # the group of plain events; the others are lists of checks, sent for each mode
 _BASE = {
     "uint8_t": "B",
     "int8_t": "b",
@@ -34,7 +34,7 @@ _TAG = re.compile(r"<[^>]*>")
 
 
 class _Kind(msgspec.Struct, frozen=True):
-    """One event: its words, and the types of its arguments."""
+    """One kind of event: its text, and the types of its arguments."""
 
     message: str
     arguments: tuple[str, ...]
@@ -42,21 +42,21 @@ class _Kind(msgspec.Struct, frozen=True):
 
 
 class _Enum(msgspec.Struct, frozen=True):
-    """An enumeration: its base type, and what its values are called."""
+    """An enumeration: its base type, and the names of its values."""
 
     base: str
     words: Mapping[int, str]
 
 
 class EventText(msgspec.Struct, frozen=True):
-    """An event in words, with its severity 0 to 7."""
+    """An event as text, with its severity 0 to 7."""
 
     text: str
     severity: int
 
 
 class EventDictionary:
-    """What the events of one firmware mean. Raises ValueError for a file that is none."""
+    """Event definitions of one firmware. Raises ValueError for an invalid file."""
 
     def __init__(self, packed: bytes) -> None:
         self._kinds: dict[int, _Kind] = {}
@@ -85,7 +85,7 @@ class EventDictionary:
         return len(self._kinds)
 
     def say(self, event: Event) -> EventText | None:
-        """Return an event in words; None for one that is not known here, or not for people."""
+        """Return an event as text; None for an unknown event, or one that is not for people."""
         kind, level = self._kinds.get(event.id), event.log_levels & 0x0F
         if kind is None or level >= _PROTOCOL or kind.group != _FOR_PEOPLE:
             return None

@@ -1,4 +1,4 @@
-"""Why an autopilot acts by itself, and what is wrong with its position, in words."""
+"""Causes of fail-safes and of position problems, in words."""
 
 from __future__ import annotations
 
@@ -8,8 +8,8 @@ from collections.abc import Iterable
 from fleet_mavlink.state import VehicleState
 from fleet_mavlink.texts import WARNING, Sentence
 
-_BEFORE = 3.0  # s before a fail-safe, or a change of mode in it, in which its reason is said
-_AFTER = 0.8  # s after it: ArduPilot says why after it has shown the mode
+_BEFORE = 3.0  # s before a fail-safe, or its change of mode, in which texts may give its reason
+_AFTER = 0.8  # s after it: ArduPilot sends the reason after it has shown the mode
 _MOST = 4  # sentences
 _OVER = re.compile(r"\b(cleared|recovered)\b", re.IGNORECASE)
 _ASIDE = re.compile(
@@ -21,13 +21,13 @@ _NEEDED = (
     (0x10, "position"),
     (0x20, "height"),
 )
-"""Estimator flags that ArduPilot and PX4 share, and what is missing without them."""
+"""Estimator flags that ArduPilot and PX4 share, and the estimate that is missing without them."""
 
 
 def cause(said: Iterable[Sentence], since: float, until: float) -> str:
-    """Return the words of trouble between two times as one reason, empty when there are none.
+    """Return the texts about trouble between two times as one reason, empty when there are none.
 
-    What is over, what follows from it, and what another says more fully is left out.
+    Texts about the end of a trouble, about its consequences, and the start of a longer text are left out.
     """
     texts = [
         each.text
@@ -42,12 +42,12 @@ def cause(said: Iterable[Sentence], since: float, until: float) -> str:
 
 
 def _is_said_by_another(text: str, texts: list[str]) -> bool:
-    """Return whether another text begins with this one, and goes on."""
+    """Return True when another, longer text starts with this one."""
     return any(other != text and other.startswith(text) for other in texts)
 
 
 class FailsafeCause:
-    """The reason of a fail-safe; ``text`` is empty while the vehicle is in none, or gives none."""
+    """Reason of the current fail-safe; ``text`` is empty without a fail-safe or without a reason."""
 
     def __init__(self) -> None:
         self.text = ""
@@ -55,7 +55,7 @@ class FailsafeCause:
         self._since: float | None = None
 
     def see(self, state: VehicleState, mode: str, said: Iterable[Sentence], now: float) -> None:
-        """Look at the newest state, and at what was said."""
+        """Update from the newest state and the texts received."""
         changed, self._mode = mode != self._mode, mode
         if not state.failsafe:
             self.text, self._since = "", None
@@ -66,7 +66,7 @@ class FailsafeCause:
             self.text = cause(said, self._since - _BEFORE, now) or self.text
 
     def settled(self, now: float) -> bool:
-        """Return whether nothing more is to be expected of the autopilot's words."""
+        """Return True when no further texts about the reason are expected."""
         return self._since is None or now - self._since > _AFTER
 
 

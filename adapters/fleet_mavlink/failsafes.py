@@ -1,8 +1,8 @@
-"""What the autopilot does by itself when the edge, the battery or the position is lost: verified, and set.
+"""Verification and setting of the autopilot's fail-safe parameters: loss of edge, battery or position.
 
-The edge may die while the autopilot flies to a goal by itself. What happens then is the autopilot's to do, so
-its parameters are read when it is met and after each of its reboots. What is wrong is told as health; it is
-written only where fleet.yaml, or a command, says so, and never while the motors run.
+The edge may die while the autopilot flies to a goal by itself; then only the autopilot can react. So its
+parameters are read at each connect and after each of its reboots. Wrong values are reported as health; they
+are corrected only where fleet.yaml, or a command, says so, and never while the motors run.
 """
 
 from __future__ import annotations
@@ -20,8 +20,8 @@ from fleet_mavlink.preconditions import require_connection
 from fleet_mavlink.state import VehicleState
 from fleet_mavlink.vehicle import Vehicle
 
-_FOREVER = 3600.0  # s between looks when nothing happens
-_BEATS_TO_TELL = 5  # heartbeats in which it tells what it is fitted with, if it ever does
+_FOREVER = 3600.0  # s between checks when nothing happens
+_BEATS_TO_TELL = 5  # heartbeats within which a vehicle reports its equipment, if it ever does
 _AGAIN = 10.0  # s until parameters that could not be read are read again
 
 LinkLoss = Literal["return_to_home", "land", "continue"]
@@ -29,7 +29,7 @@ Keeping = Literal["check", "set", "ignore"]
 
 
 class ParameterRule(msgspec.Struct, frozen=True):
-    """One parameter: ``names`` it has in different versions, the values that do, the one that is written."""
+    """Rule for one parameter: its ``names`` in different versions, accepted values, value to write."""
 
     names: tuple[str, ...]
     good: frozenset[int]
@@ -78,9 +78,10 @@ _ALWAYS: Mapping[str, tuple[ParameterRule, ...]] = {
 def rules_for(
     flavour: str, link_loss: LinkLoss, station: int, *, receiver: bool
 ) -> tuple[ParameterRule, ...]:
-    """Return what must hold; ``station`` is our own system id, the only one that ArduPilot watches then.
+    """Return the rules; ``station`` is our own system id, the only one whose loss ArduPilot then detects.
 
-    Without a ``receiver`` for a remote control its loss is no matter: ArduPilot could not be armed with it.
+    Without a ``receiver`` for a remote control there is no rule about its loss, because with that rule
+    ArduPilot could not be armed.
     """
     rules = _ALWAYS[flavour] + ((_ON_RADIO_LOSS[flavour],) if receiver else ())
     lost = _ON_LINK_LOSS[flavour].get(link_loss)
@@ -96,10 +97,10 @@ def rules_for(
 
 
 class Failsafes:
-    """The fail-safes of one vehicle; ``troubles`` says what is wrong with them, empty when nothing is.
+    """Fail-safes of one vehicle; ``troubles`` lists what is wrong with them, empty when nothing is.
 
-    ``lasting``: what is written outlives this edge, so a person is warned of it. A simulated vehicle begins
-    with the autopilot's defaults each time and forgets what was written.
+    ``lasting``: written parameters outlive this edge, so a person is warned. A simulated vehicle starts with
+    the autopilot's defaults each time and loses what was written.
     """
 
     def __init__(
@@ -123,7 +124,7 @@ class Failsafes:
         self._changed = changed
 
     async def keep(self) -> None:
-        """Verify when the vehicle is met and after each reboot, until cancelled."""
+        """Verify at each connect and after each reboot, until cancelled."""
         while True:
             await self._met()
             reboots = self._vehicle.state.reboots
@@ -131,12 +132,12 @@ class Failsafes:
             await self._vehicle.restarted(reboots, wait)
 
     async def _looked(self) -> bool:
-        """Verify, and set what is to be set; return False when the vehicle would not have it read."""
+        """Verify, and correct if configured; return False when the parameters could not be read."""
         if self._keeping == "ignore":
             return True
         try:
             if self._keeping == "set" and not self._vehicle.state.armed:
-                await self.set()  # nobody need be told of what is mended at once
+                await self.set()  # a value that is corrected at once need not be reported
                 return True
             await self.verify()
             if self.troubles and self._keeping == "set":
@@ -147,11 +148,11 @@ class Failsafes:
         return True
 
     async def verify(self) -> None:
-        """Read the parameters and note what is wrong; raises what reading them raises."""
+        """Read the parameters and note what is wrong; raises like reading a parameter."""
         self._tell(tuple([trouble for rule in self._rules() if (trouble := await self._trouble(rule))]))
 
     async def set(self) -> None:
-        """Write what is wrong as it should be; raises Refused while the motors run."""
+        """Correct wrong parameters; raises Refused while the motors run."""
         require_connection(self._vehicle)
         if self._vehicle.state.armed:
             raise Refused("it is armed", hint="land and disarm first")
@@ -169,7 +170,7 @@ class Failsafes:
         await self.set()
 
     async def _met(self) -> None:
-        """Wait until there is a vehicle of a known kind, and give it time to tell what it is fitted with."""
+        """Wait for a vehicle of a known kind, and give it time to report its equipment."""
 
         def known(state: VehicleState) -> bool:
             told = state.prearm_ok is not None or state.beats > _BEATS_TO_TELL
@@ -179,7 +180,7 @@ class Failsafes:
             self._vehicle.log.debug("it is still not met")
 
     def _rules(self) -> tuple[ParameterRule, ...]:
-        """Return what must hold of this vehicle; raises NotReady before it is known."""
+        """Return the rules for this vehicle; raises NotReady before its kind is known."""
         flavour = self._vehicle.flavour
         if flavour is None:
             raise NotReady("it is not known yet which autopilot this is")
@@ -192,7 +193,7 @@ class Failsafes:
         return "" if value in rule.good else f"{name} is {value:g}: {rule.danger} (send set_failsafes)"
 
     async def _read(self, rule: ParameterRule) -> tuple[str, float]:
-        """Return the name that this version knows and its value; raises Refused when it knows none."""
+        """Return the parameter's name in this version, and its value; raises Refused when there is none."""
         for name in rule.names[:-1]:
             try:
                 return name, (await self._parameters.read([name]))[0].value
@@ -201,7 +202,7 @@ class Failsafes:
         return rule.names[-1], (await self._parameters.read(rule.names[-1:]))[0].value
 
     def _tell(self, troubles: tuple[str, ...]) -> None:
-        """Note what is wrong, and tell it when it is news."""
+        """Store the troubles, and report them when they have changed."""
         if troubles != self.troubles:
             self.troubles = troubles
             self._changed()

@@ -1,7 +1,7 @@
-"""The fence of fleet.yaml in the autopilot itself, so that it is kept when the edge is not there.
+"""Uploads the fence of fleet.yaml to the autopilot, so that it holds without the edge.
 
-Its polygons go by the mission protocol and are read back; height, distance and what is done at the border are
-parameters. A fence is brought there on the ground only: in flight what is there is compared and told.
+Polygons are sent by the mission protocol and read back; height, distance and the action at the border are
+parameters. A fence is uploaded on the ground only; in flight it is only compared, and differences reported.
 """
 
 from __future__ import annotations
@@ -20,15 +20,15 @@ from fleet_mavlink.plans import Plans, PlanType
 from fleet_mavlink.state import VehicleState
 from fleet_mavlink.vehicle import Vehicle
 
-_FOREVER = 3600.0  # s between looks when nothing happens
-_AGAIN = 10.0  # s until a fence that could not be brought there is tried again
+_FOREVER = 3600.0  # s between checks when nothing happens
+_AGAIN = 10.0  # s until a failed upload is tried again
 _WIDER = 2.0  # m by which the autopilot's limits are wider, so that the host acts first
 _HEIGHT, _CIRCLE, _POLYGON = 1, 2, 4  # bits of FENCE_TYPE
 _UNION = 2  # FENCE_OPTIONS: inside one of the inclusions is enough
 
 
 def items_of(fence: FenceConfig, world: GeoOrigin) -> tuple[MissionItemInt, ...]:
-    """Return the corners of a fence as items; each tells how many its polygon has."""
+    """Return the corners of a fence as mission items; each holds the number of corners of its polygon."""
     inside = _corners(fence, fence.inclusion, Cmd.NAV_FENCE_POLYGON_VERTEX_INCLUSION, world)
     outside = _corners(fence, fence.exclusion, Cmd.NAV_FENCE_POLYGON_VERTEX_EXCLUSION, world)
     return (*inside, *outside)
@@ -68,7 +68,7 @@ def parameters_of(flavour: str, fence: FenceConfig, limits: Limits) -> Mapping[s
 
 
 class FenceKeeper:
-    """Brings the fence to one vehicle; ``troubles`` says why it is not there, empty once it is."""
+    """Keeps the fence on one vehicle; ``troubles`` says why it is not there, empty once it is."""
 
     def __init__(
         self,
@@ -91,7 +91,7 @@ class FenceKeeper:
         self._changed = changed
 
     async def keep(self) -> None:
-        """Bring it there when the vehicle is met and after each reboot, until cancelled."""
+        """Upload the fence at each connect and after each reboot, until cancelled."""
         self._tell("the fence is not in the autopilot yet")
         while True:
             await self._vehicle.until(self._is_met, _FOREVER)
@@ -106,12 +106,12 @@ class FenceKeeper:
             await self._vehicle.restarted(reboots, wait)
 
     def _is_met(self, _state: VehicleState) -> bool:
-        """Return whether it answers and is known well enough to be given a fence."""
+        """Return True when the vehicle answers and enough is known of it to upload a fence."""
         known = self._vehicle.flavour is not None and self._origin() is not None
         return self._vehicle.connected and known
 
     async def _bring(self) -> None:
-        """Make the vehicle's fence the one of fleet.yaml; raises what the exchanges raise."""
+        """Make the vehicle's fence that of fleet.yaml; raises like the exchanges with the vehicle."""
         world, flavour = self._origin(), self._vehicle.flavour
         if world is None or flavour is None:
             return
@@ -135,7 +135,7 @@ class FenceKeeper:
             await self._vehicle.until(lambda state: not state.armed, _FOREVER)
 
     def _tell(self, trouble: str) -> None:
-        """Note what is wrong, and tell it when it is news."""
+        """Store the trouble, and report it when it has changed."""
         before, self.troubles = self.troubles, (trouble,) if trouble else ()
         if before != self.troubles:
             self._changed()

@@ -1,4 +1,4 @@
-"""Reading a file that a vehicle serves, by MAVLink FTP; one request at a time."""
+"""Reads files that a vehicle serves by MAVLink FTP; one request at a time."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ MOST_BYTES = 1 << 20
 
 
 class FtpAnswer(msgspec.Struct, frozen=True):
-    """What came back for one request."""
+    """Answer to one request."""
 
     sequence: int
     session: int
@@ -37,7 +37,7 @@ class FtpAnswer(msgspec.Struct, frozen=True):
 
 
 class FtpClient:
-    """The files of one vehicle."""
+    """Access to the files of one vehicle."""
 
     def __init__(self, vehicle: Vehicle) -> None:
         self._vehicle = vehicle
@@ -77,7 +77,7 @@ class FtpClient:
     async def _ask(
         self, heard: ReceivedMessages[FileTransfer], opcode: int, session: int, offset: int, data: bytes
     ) -> FtpAnswer:
-        """Ask until it is answered; a repeat has the same number, so that it is not done twice."""
+        """Send a request until it is answered; repeats keep its sequence number, so it is not done twice."""
         self._sequence = (self._sequence + 1) & 0xFFFF
         expected = (self._sequence + 1) & 0xFFFF
         for _ in range(_TRIES):

@@ -1,4 +1,4 @@
-"""What differs between autopilots: modes as data, commands as small functions that build them."""
+"""Differences between autopilots: modes as data, commands as small functions that build them."""
 
 from __future__ import annotations
 
@@ -27,11 +27,11 @@ from fleet_mavlink.messages import (
 from fleet_mavlink.texts import Sentence
 from fleet_mavlink.vehicle_kind import VehicleKind
 
-VELOCITY_AND_YAW_RATE = 0x5C7  # type_mask: everything but velocity and yaw rate is ignored
+VELOCITY_AND_YAW_RATE = 0x5C7  # type_mask: ignore everything except velocity and yaw rate
 
 
 class CalibrationStep(msgspec.Struct, frozen=True):
-    """How far the calibration of one compass is, percent; ``others``: all compasses that are calibrated."""
+    """Progress of one compass, percent; ``others``: all compasses that are being calibrated."""
 
     percent: float
     compass: int = 0
@@ -83,25 +83,26 @@ class Flavour(VehicleKind):
     def go_command(
         self, to: GeoPoint, home_altitude: float, speed: float, heading: float
     ) -> CommandInt | SetPositionTargetGlobalInt:
-        """Return what flies to a place (altitude AMSL) with the nose at ``heading``, radians from north.
+        """Return the message that flies to a place (altitude AMSL), nose at ``heading`` (radians from north).
 
-        A command is acknowledged and changes the mode; a target is taken in the ``goto`` mode only, and told.
+        A command is acknowledged and changes the mode; a position target is accepted in the ``goto`` mode
+        only, and the vehicle reports it instead of an acknowledgement.
         """
 
     @abstractmethod
     def after_go(self, speed: float) -> CommandLong | None:
-        """Return what must follow a go command to make its speed count, if anything must."""
+        """Return the command that must follow a go command to apply its speed, None when none must."""
 
     @abstractmethod
     def calibration_step(self, said: MavlinkMessage | Sentence) -> CalibrationStep | None:
-        """Return what is told of a compass calibration, None for other words; Refused when it failed."""
+        """Read a message about compass calibration, None for any other; raises Refused when it failed."""
 
 
 def setpoint(velocity: Velocity, heading: float, system: int) -> SetPositionTargetLocalNed:
-    """Return a body velocity as the setpoint that all autopilots read alike: rotated here, sent in NED.
+    """Return the setpoint for a body velocity, rotated to NED, which all autopilots interpret alike.
 
-    ``heading`` is radians clockwise from north. The yaw rate is always given, so that ArduPilot does not
-    turn its nose into the direction of travel.
+    ``heading`` is radians clockwise from north. The yaw rate is always given, because otherwise ArduPilot
+    turns its nose into the direction of travel.
     """
     world = ned_from_enu(rotate_to_world(velocity.linear, enu_yaw_from_heading(heading)))
     return ned_setpoint(world, -velocity.yaw_rate, system)

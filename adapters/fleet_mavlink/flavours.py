@@ -1,4 +1,4 @@
-"""Which autopilot a heartbeat comes from, and of what kind its vehicle is."""
+"""Selects the flavour (autopilot) and the kind of a vehicle from its heartbeat."""
 
 from __future__ import annotations
 
@@ -32,12 +32,12 @@ _BY_TYPE: Mapping[int, Mapping[int, VehicleKind]] = {
 
 
 def kind_of(heartbeat: Heartbeat) -> VehicleKind:
-    """Return of what kind a vehicle is; of an unknown one where its modes are not known here."""
+    """Return the kind of a vehicle; the unknown kind when its modes are not known here."""
     otherwise = _PX4_OTHER if heartbeat.autopilot == PX4 else _UNKNOWN
     return _BY_TYPE.get(heartbeat.autopilot, {}).get(heartbeat.type, otherwise)
 
 
 def flavour_of(heartbeat: Heartbeat) -> Flavour | None:
-    """Return the flavour of a multirotor on ArduPilot or PX4, None for what is not flown here."""
+    """Return the flavour of a multirotor on ArduPilot or PX4, None for a vehicle that is not flown here."""
     kind = kind_of(heartbeat)
     return kind if isinstance(kind, Flavour) else None

@@ -1,4 +1,4 @@
-"""What a vehicle does as a whole: arm, take off, hold, land, return; each until it was seen to be done."""
+"""Flight procedures: arm, hold, land, return; each ends when the vehicle is seen to have done it."""
 
 from __future__ import annotations
 
@@ -20,12 +20,12 @@ from fleet_mavlink.state import VehicleState
 from fleet_mavlink.vehicle import Vehicle
 
 _ARMED_WITHIN = 3.0  # s; the heartbeat that shows it comes once a second
-_POLL = 0.5  # s between looks at something that takes long
+_POLL = 0.5  # s between checks of a long procedure
 _HOME_WITHIN = 4.0  # s; HOME_POSITION comes once a second
-_DEEPEST, _HIGHEST = -500.0, 9000.0  # m AMSL at which anything takes off
-FARTHEST = 100_000.0  # m; a goal beyond is a mistake, such as a wrong unit or a latitude for a longitude
+_DEEPEST, _HIGHEST = -500.0, 9000.0  # m AMSL, plausible altitudes of a take-off
+FARTHEST = 100_000.0  # m; a goal beyond it is a mistake, such as a wrong unit or swapped coordinates
 _SAME_HOME = 2.0  # m
-LOWEST = 1.0  # m above home; below it only landing goes
+LOWEST = 1.0  # m above home, lowest goal; only a landing goes below
 _SLOW = 0.5  # m/s that counts as standing
 
 
@@ -64,9 +64,9 @@ class Flight:
         return self.flavour.mode_of(state)
 
     async def enter(self, mode: str, ask: Ask | None = None) -> None:
-        """Change to a mode, by a command that leads to it or by its own; returns once it is shown.
+        """Change to a mode, by a command that leads to it or by the mode command; returns once it is shown.
 
-        Possible also while two vehicles use one id: a hold must be.
+        Allowed even while two vehicles use the same id, because a hold must always be possible.
         """
         require_heartbeat(self.vehicle)
         flavour = self.flavour
@@ -84,7 +84,7 @@ class Flight:
     async def hold_if_ours(self) -> None:
         """Hold after a failure, unless somebody else has the vehicle or it cannot be reached.
 
-        What failed first is what is told: a hold that fails, too, is only logged.
+        A failure of the hold is only logged, so that the first failure is the one reported.
         """
         if not self.vehicle.connected or not self.vehicle.state.armed or self.authority.lost_to:
             return
@@ -94,7 +94,7 @@ class Flight:
             self.vehicle.log.warning("it does not hold: %s", error)
 
     async def arm(self, *, force: bool = False) -> None:
-        """Arm, in a mode that can be taken off from; raises Refused or NotReady in the autopilot's words."""
+        """Arm, in a mode that allows take-off; raises Refused or NotReady with the autopilot's reason."""
         require_connection(self.vehicle)
         if self.vehicle.state.armed:
             return
@@ -117,7 +117,7 @@ class Flight:
         await self._arming(arm=False, force=force)
 
     async def _arming(self, *, arm: bool, force: bool) -> None:
-        """Ask, and wait until the heartbeat shows it."""
+        """Send the command, and wait until the heartbeat shows its effect."""
 
         def shown(state: VehicleState) -> bool:
             return state.armed is arm
@@ -150,7 +150,7 @@ class Flight:
         yield Progress(100.0, "on the ground")
 
     async def go(self, to: GeoPoint, speed: float, heading: float) -> None:
-        """Set out for a place with the nose at ``heading``; returns once the autopilot took it.
+        """Start towards a place with the nose at ``heading``; returns once the autopilot has accepted it.
 
         Raises Refused above the ceiling.
         """
@@ -182,7 +182,7 @@ class Flight:
             )
 
     def require_distance(self, point: GeoPoint) -> None:
-        """Raise unless a place is within the limit of distance from home, or of what is no mistake."""
+        """Raise unless a place is within the distance limit from home, and within ``FARTHEST``."""
         home = self.vehicle.state.home
         if home is None:
             raise home_unknown()
@@ -200,7 +200,7 @@ class Flight:
         return altitude
 
     async def set_home_here(self) -> None:
-        """Make this place home; in the air at home's old altitude, so that heights stay true."""
+        """Make the current position home; in the air at home's old altitude, so that heights stay valid."""
         require_connection(self.vehicle)
         state = self.vehicle.state
         here = state.position
@@ -211,10 +211,10 @@ class Flight:
         await self._tell_home(here.latitude, here.longitude, altitude)
 
     async def set_home(self, latitude: float, longitude: float, altitude: float | None) -> None:
-        """Make a place home, and wait until it is told to be; m AMSL, None: as high as home is now.
+        """Make a position home, and wait until the vehicle reports it; m AMSL, None: home's current altitude.
 
-        Raises Refused for what is no place, and for another altitude in the air: it is what heights count
-        from.
+        Raises Refused for an invalid position, and for another altitude in the air, because heights are
+        relative to it.
         """
         require_connection(self.vehicle)
         _require_place(latitude, longitude, altitude or 0.0)
@@ -223,7 +223,7 @@ class Flight:
         await self._tell_home(latitude, longitude, altitude)
 
     async def _tell_home(self, latitude: float, longitude: float, altitude: float | None) -> None:
-        """Send a home, and wait until it is told."""
+        """Send a home position, and wait until the vehicle reports it."""
         home = GeoPoint(latitude, longitude, await self.home_altitude() if altitude is None else altitude)
 
         def shown(state: VehicleState) -> bool:
@@ -257,7 +257,7 @@ class Flight:
         await self.commander.ask(ask, seen=lambda state: state.reboots > reboots, tries=1)
 
     def check(self, *modes: str) -> None:
-        """Raise unless the flight goes on as asked: heard, ours, armed, in one of these modes."""
+        """Raise unless the flight continues as commanded: connected, ours, armed, in one of these modes."""
         state = self.vehicle.state
         require_connection(self.vehicle)
         if self.authority.lost_to:
@@ -268,7 +268,7 @@ class Flight:
             raise Refused(f"another command changed the mode to {self.mode(state)}")
 
     async def wait(self, seconds: float, *modes: str) -> None:
-        """Stay for a time, checking that the flight goes on as asked."""
+        """Wait for a time, checking that the flight continues as commanded."""
         by = self.vehicle.now() + seconds
         while (left := by - self.vehicle.now()) > 0:
             self.check(*modes)
@@ -284,7 +284,7 @@ def _require_place(latitude: float, longitude: float, altitude: float) -> None:
 
 
 def _are_one(one: GeoPoint, other: GeoPoint) -> bool:
-    """Return whether two places are the same, as well as the wire can tell."""
+    """Return True when two positions are the same, within the resolution of the wire."""
     away = world_from_geo(GeoOrigin(one.latitude, one.longitude, one.altitude), other)
     return away.norm() <= _SAME_HOME
 

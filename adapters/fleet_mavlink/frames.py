@@ -1,4 +1,4 @@
-"""From what an autopilot says to the world frame (ENU around an origin, REP-103)."""
+"""Conversion of an autopilot's position and attitude to the world frame (ENU around an origin, REP-103)."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from fleet_mavlink.state import VehicleState
 def origin_of(state: VehicleState) -> GeoOrigin | None:
     """Return a world origin at the vehicle's home, None while home is unknown.
 
-    What moves on ground or water is at z = 0 there: its home's altitude is not to be trusted.
+    A vehicle on ground or water is at z = 0 there, because its home's altitude is unreliable.
     """
     altitude = state.home_altitude
     if state.on_the_surface and state.position is not None:
@@ -24,7 +24,7 @@ def origin_of(state: VehicleState) -> GeoOrigin | None:
 
 
 def pose_of(state: VehicleState, origin: GeoOrigin) -> Pose | None:
-    """Return where the vehicle is and how it is turned, None while either is unknown."""
+    """Return the vehicle's pose, None while position or attitude is unknown."""
     if state.position is None or state.attitude is None:
         return None
     angles = state.attitude
@@ -37,5 +37,5 @@ def pose_of(state: VehicleState, origin: GeoOrigin) -> Pose | None:
 
 
 def flu_from_frd(vector: Vector3) -> Vector3:
-    """Turn an autopilot's body vector (forward, right, down) into ours (forward, left, up)."""
+    """Convert a body vector from FRD (forward, right, down) to FLU (forward, left, up)."""
     return Vector3(vector.x, -vector.y, -vector.z)

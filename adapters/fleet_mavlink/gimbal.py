@@ -1,4 +1,4 @@
-"""Turning a gimbal by MAVLink's gimbal manager, which both autopilots have: to angles, and at speeds."""
+"""Control of a gimbal, to angles and at speeds, by MAVLink's gimbal manager, which both autopilots have."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from fleet_mavlink.preconditions import require_connection
 from fleet_mavlink.state import VehicleState
 from fleet_mavlink.vehicle import Vehicle
 
-LEASE = 1.0  # s for which a turning speed is held unless it is asked for again
+LEASE = 1.0  # s for which a turning speed is held unless it is commanded again
 _LOCKS = 12.0  # roll and pitch stay with the horizon, yaw with the vehicle
 _NOBODY_ELSE = -1.0  # leaves the secondary control as it is
 _INFORMED_WITHIN = 1.0  # s
@@ -57,7 +57,7 @@ class Gimbal:
         self._ending: asyncio.Task[None] | None = None
 
     async def turn(self, turn: GimbalTurn) -> None:
-        """Turn to angles; returns once it is seen there, where the gimbal tells how it is turned."""
+        """Turn to angles; returns once it is seen there, if the gimbal reports its attitude."""
         manager = await self._take_control()
         aim = self._aim_of(turn, manager)
         self._keep()
@@ -65,7 +65,7 @@ class Gimbal:
             await self._turn_slowly(aim, turn.seconds)
         await self._ask(pitch=_or_nan(aim.pitch), yaw=_or_nan(aim.yaw))
         if self._vehicle.state.sensors.aim is None:
-            return  # it does not tell; that the manager took it is all that can be known
+            return  # no attitude report: the manager's acknowledgement is the only evidence
 
         def there(state: VehicleState) -> bool:
             seen = state.sensors.aim
@@ -75,7 +75,7 @@ class Gimbal:
             raise TimedOut("the gimbal took the command but does not turn there")
 
     async def spin(self, pitch: float, yaw: float) -> None:
-        """Turn at speeds, degrees a second, for ``LEASE`` seconds or until this is asked again."""
+        """Turn at speeds, degrees a second, for ``LEASE`` seconds or until the next call."""
         if not all(math.isfinite(each) and abs(each) <= _FASTEST for each in (pitch, yaw)):
             raise Refused(f"a turning speed is within {_FASTEST:g} degrees a second")
         await self._take_control()
@@ -85,13 +85,13 @@ class Gimbal:
             self._ending = self._spawn(self._end_spin())
 
     async def _end_spin(self) -> None:
-        """Stop turning when nobody asked for more."""
+        """Stop turning when the lease has expired."""
         await asyncio.sleep(LEASE)
         self._ending = None
         await self._ask(pitch_rate=0.0, yaw_rate=0.0)
 
     def _keep(self) -> None:
-        """Forget the end of a spin: something newer was asked."""
+        """Cancel the scheduled end of a spin, because of a newer command."""
         if self._ending is not None:
             self._ending.cancel()
             self._ending = None

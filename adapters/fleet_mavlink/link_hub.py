@@ -1,4 +1,4 @@
-"""One hub for each link URL, shared by all robots on it: opens the link, beats, tells vehicles apart."""
+"""Hub of one link URL, shared by all robots on it: opens the link, sends heartbeats, routes by vehicle."""
 
 from __future__ import annotations
 
@@ -27,12 +27,12 @@ _LOG = logging.getLogger(__name__)
 _BEAT = 1.0  # s
 _SENDERS = 256  # addresses whose half frames are kept
 _ADDRESSED: frozenset[type[MavlinkMessage]] = frozenset({CommandAck, *MISSION_MESSAGES})
-_BESIDE = 1  # the link id in signatures that are made beside the loop, in a time of their own
+_BESIDE = 1  # signature link id for frames sent off the event loop, which have time stamps of their own
 _GCS = 6  # MAV_TYPE: PX4 keeps its words back until it hears a ground station
 
 
 class LinkHub:
-    """An open link and the vehicles on it; we are station ``system``/``component`` to all of them."""
+    """An open link and the vehicles on it; to all of them we are station ``system``/``component``."""
 
     def __init__(self, link: Link, clock: Clock, system: int, component: int) -> None:
         self.link = link
@@ -47,22 +47,22 @@ class LinkHub:
 
     @property
     def heard(self) -> tuple[int, ...]:
-        """The system ids of the autopilots that are heard on this link, within 3 s."""
+        """System ids of the autopilots heard on this link within the last 3 s."""
         now = self._clock.monotonic()
         return tuple(sorted(system for system, at in self._heard.items() if now - at <= SILENCE))
 
     @property
     def unclaimed(self) -> tuple[int, ...]:
-        """Those of them that no robot here has."""
+        """Those of them that belong to no robot here."""
         return tuple(system for system in self.heard if system not in self._vehicles)
 
     @contextlib.contextmanager
     def vehicle(
         self, system: int, signer: Signer | None = None, *, accept_unsigned: bool = False
     ) -> Iterator[Vehicle]:
-        """Give the vehicle with this id to one robot; raises LinkRefused when another has it.
+        """Assign the vehicle with this id to one robot; raises LinkRefused when another has it.
 
-        With a ``signer`` all that is sent to it is signed, and what it says must be, unless
+        With a ``signer`` all frames to it are signed, and frames from it must be, unless
         ``accept_unsigned``.
         """
         if system in self._vehicles:
@@ -81,7 +81,7 @@ class LinkHub:
             del self._vehicles[system]
 
     def receive(self, data: bytes, address: Address) -> None:
-        """Take what arrived from the link; never raises."""
+        """Handle received bytes; never raises."""
         try:
             parser = self._parser(address)
             before = parser.broken
@@ -92,7 +92,7 @@ class LinkHub:
             _LOG.exception("%s: dropped %d bytes from %s", self.link.url, len(data), address)
 
     def _parser(self, address: Address) -> Parser:
-        """Return the parser of one sender; the one that was silent longest makes room."""
+        """Return the parser of one sender; the one unused for longest is dropped to make room."""
         parser = self._parsers.get(address)
         if parser is None:
             parser = self._parsers[address] = Parser()
@@ -102,7 +102,7 @@ class LinkHub:
         return parser
 
     def _route(self, frame: Frame, address: Address) -> None:
-        """Give a message to its vehicle; only autopilots are vehicles, and only acks for us count."""
+        """Route a message to its vehicle; only autopilots are vehicles, and only acks for us are accepted."""
         message, flies = frame.message, frame.component == AUTOPILOT
         if frame.system == 0:
             return
@@ -120,25 +120,25 @@ class LinkHub:
             vehicle.take_part(frame.component, message)
 
     def _is_for_us(self, answer: Any) -> bool:
-        """Return whether an answer is for us; 0 is said by those who do not tell."""
+        """Return True when an answer is for us; autopilots that do not fill in the target send 0."""
         return answer.target_system in {0, self.system} and answer.target_component in {0, self.component}
 
     def send(self, message: MavlinkMessage, address: Address, way: FrameSettings = PLAIN) -> None:
-        """Write a message; raises LinkLost. Only on the loop's thread."""
+        """Write a message; raises LinkLost. Only on the event loop's thread."""
         self.link.send(self._packer.pack(message, way), address)
 
     def send_from_any_thread(self, messages: list[MavlinkMessage], vehicle: Vehicle) -> None:
-        """Write messages to a vehicle beside the loop, numbered by themselves; raises LinkLost."""
+        """Write messages to a vehicle off the event loop, with a sequence of their own; raises LinkLost."""
         way = msgspec.structs.replace(vehicle.trust.way, link=_BESIDE)
         for sequence, message in enumerate(messages):
             self.link.send(pack(message, self.system, self.component, sequence, way), vehicle.address)
 
     async def beat(self) -> None:
-        """Say once a second that we are here; ends when the link does."""
+        """Send a heartbeat once a second; ends when the link does."""
         with contextlib.suppress(LinkLost):
             while True:
                 ways = {(each.address, each.trust.way) for each in self._vehicles.values()}
-                if isinstance(self.link, Ways):  # those that are not in use are spoken to as well
+                if isinstance(self.link, Ways):  # links that are not in use get heartbeats as well
                     ways |= {(None, way) for _, way in ways}
                 for address, way in ways or {(None, PLAIN)}:
                     self.send(Heartbeat(type=_GCS, autopilot=NO_AUTOPILOT, system_status=4), address, way)
@@ -147,7 +147,7 @@ class LinkHub:
 
 @contextlib.asynccontextmanager
 async def open_hub(urls: Sequence[str], clock: Clock, system: int, component: int) -> AsyncIterator[LinkHub]:
-    """Open a link, or several to the same vehicles, and beat until the last robot leaves.
+    """Open a link, or several to the same vehicles, and send heartbeats until the last robot leaves.
 
     Raises LinkRefused or LinkLost.
     """

@@ -1,4 +1,4 @@
-"""The logs on board: what there is, and their bytes, a piece at a time."""
+"""On-board logs: their list, and their content, a piece at a time."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ from fleet_mavlink.vehicle import Vehicle
 
 MOST_BYTES = 64 * 1024  # in one read
 _PIECE = 90  # bytes in a LOG_DATA; a shorter one is the last of its log
-_SILENCE = 1.0  # s without a piece after which what is missing is asked for again
-_LIST_SILENCE = 3.0  # s; an autopilot looks through its card for the first entry
-_ROUNDS = 5  # times in a row that something is asked for in vain
+_SILENCE = 1.0  # s without a piece after which missing pieces are requested again
+_LIST_SILENCE = 3.0  # s; an autopilot searches its card before it sends the first entry
+_ROUNDS = 5  # requests in a row without an answer
 _MOST_LOGS = 2000
 
 
@@ -30,7 +30,7 @@ class OnboardLog(msgspec.Struct, frozen=True):
 
 
 class LogReader:
-    """Reads the logs of one vehicle; only on the ground: it would take the link from what is flown."""
+    """Reads the logs of one vehicle; only on the ground, because it takes most of the link's capacity."""
 
     def __init__(self, vehicle: Vehicle) -> None:
         self._vehicle = vehicle
@@ -79,14 +79,14 @@ class LogReader:
 
 
 class _Reading:
-    """One piece of one log on its way."""
+    """Transfer of one part of one log."""
 
     def __init__(self, vehicle: Vehicle, number: int, offset: int, count: int) -> None:
         self._vehicle = vehicle
         self._number = number
         self._end = offset + count
-        self._at = offset  # up to here it is whole
-        self._parts: dict[int, bytes] = {}  # what came, by its offset
+        self._at = offset  # complete up to here
+        self._parts: dict[int, bytes] = {}  # received pieces, by offset
         self._data = bytearray()
 
     async def through(self, heard: ReceivedMessages[LogData]) -> bytes:
@@ -112,7 +112,7 @@ class _Reading:
             raise NotReady("it was armed meanwhile", hint="go on after the flight")
 
     def _take(self, piece: LogData) -> None:
-        """Put a piece in its place; a short one says where the log ends."""
+        """Store a piece; a short one marks the end of the log."""
         if piece.id != self._number or not self._at <= piece.ofs < self._end:
             return
         count = min(piece.count, _PIECE, self._end - piece.ofs)

@@ -1,4 +1,4 @@
-"""The commands of the workshop: readiness, parameters, logs, compass, signing, reboot."""
+"""Maintenance commands: readiness, parameters, logs, compass, signing, reboot."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ _Value = Annotated[float, Range(-3.4e38, 3.4e38, "in the parameter's own unit")]
 
 
 class UpkeepCommands(SessionAdapter):
-    """What is asked on the ground."""
+    """Commands for maintenance on the ground."""
 
     @command("check_ready", moves=False, safe=True)
     async def check_ready(self) -> dict[str, object]:

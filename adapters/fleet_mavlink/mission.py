@@ -1,4 +1,4 @@
-"""Missions that the autopilot flies from its own memory: made into its items, started, watched by item."""
+"""Missions flown from the autopilot's own memory: converted to items, uploaded, started and followed."""
 
 from __future__ import annotations
 
@@ -22,8 +22,8 @@ from fleet_mavlink.takeoff import TakeOff
 
 _LOOK = 0.5  # s
 _LOWEST_TAKEOFF = 2.5  # m
-_ELSEWHERE = 1000.0  # m between the planned and the real home beyond which the plan is for another place
-_OTHER_GROUND = 50.0  # m of altitude between them
+_ELSEWHERE = 1000.0  # m between planned and real home; beyond it the plan was made for another place
+_OTHER_GROUND = 50.0  # m, the same for their altitudes
 _GROUND_SPEED = 1.0  # param1 of DO_CHANGE_SPEED
 _CLOSE = 2.0  # m
 _THERE = 15.0  # m from the last place, within which PX4 takes it for reached (10 m) and goes on to hold
@@ -43,7 +43,7 @@ _TOLD: tuple[type[_Told], ...] = (MissionCurrent, MissionItemReached)
 
 
 class MissionPlan(msgspec.Struct, frozen=True):
-    """The items of a mission for one autopilot; ``steps`` has for each the mission's item it belongs to."""
+    """Items of a mission for one autopilot; ``steps`` holds, for each, the index of the mission's item."""
 
     items: tuple[MissionItemInt, ...]
     steps: tuple[int, ...]
@@ -132,7 +132,7 @@ class MissionPilot:
         for item in mission.items:
             self._require_reachable(item, mission, home)
         if self._vehicle.state.in_air and not mission.resumed:
-            # What it flies to until now is not wanted any more, and a mission is not replaced under its feet.
+            # Hold first: the old target is obsolete, and a mission must not be replaced while it is flown.
             self._flight.give_way(flavour, flavour.hold)
             await self._flight.hold()
         await self._load(plan, flavour, resumed=mission.resumed)
@@ -150,11 +150,11 @@ class MissionPilot:
             raise
 
     async def clear(self) -> None:
-        """Make the autopilot forget its mission; raises Refused while ArduPilot flies it."""
+        """Delete the autopilot's mission; raises Refused while ArduPilot flies it."""
         await self._plans.clear(PlanType.MISSION)
 
     async def _load(self, plan: MissionPlan, flavour: Flavour, *, resumed: bool) -> None:
-        """Bring a mission into the vehicle's memory and read it back; a resumed one must be there."""
+        """Upload a mission and read it back; a resumed one must already be there."""
         if not resumed:
             await self._plans.upload(PlanType.MISSION, plan.items)
         kept = await self._plans.download(PlanType.MISSION)
@@ -167,7 +167,7 @@ class MissionPilot:
     async def _watch(self, mission: FlyMission, plan: MissionPlan) -> AsyncIterator[Progress]:
         """Start, or go on, and follow the items to the end.
 
-        Only what is told from the start on counts: both autopilots still tell of the last mission before.
+        Only messages after the start count: before it both autopilots still report the previous mission.
         """
         flight, flavour = self._flight, self._flight.flavour
         returns = mission.items[-1].kind == "return_to_launch"
@@ -243,9 +243,9 @@ class MissionPilot:
 
 
 class _Progress:
-    """How far a mission is, by the items that the vehicle is at and has reached.
+    """Progress of a mission, from the vehicle's active and reached items.
 
-    ``before`` is the item of another mission that is still told to be reached, for a while.
+    ``before`` is the reached item of the previous mission, which is still reported for a while.
     """
 
     def __init__(self, plan: MissionPlan, count: int, before: int | None) -> None:

@@ -1,4 +1,4 @@
-"""The motors as joints of the twin: how fast they turn, and how far they have turned since."""
+"""Motors as joints of the twin: their speeds, and the angles integrated from them."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Going to goals with the autopilot's own position control: what to fly, and watching that it is flown."""
+"""Navigation to goals with the autopilot's own position control: targets, and supervision of the flight."""
 
 from __future__ import annotations
 
@@ -34,10 +34,10 @@ from fleet_mavlink.takeoff import TakeOff
 
 TOLERANCE = 0.5  # m
 _YAW_TOLERANCE = 0.2  # rad
-_POLL = 0.5  # s between looks
-_STUCK_AFTER = 5.0  # s without getting nearer
+_POLL = 0.5  # s between checks
+_STUCK_AFTER = 5.0  # s without progress
 _GIVE_UP_AFTER = 30.0  # s
-_NEARER = 0.25  # m, or rad of turn, that counts as getting on
+_NEARER = 0.25  # m, or rad of turn, that counts as progress
 _MOST_GOALS = 1000
 _SLOWEST = 0.2  # m/s
 
@@ -95,7 +95,7 @@ def _distance(one: GeoPoint, other: GeoPoint) -> float:
 
 
 class _Course:
-    """How far a task is: metres left of it all, and whether it gets on."""
+    """Progress of a task: metres left of the whole path."""
 
     def __init__(self, start: GeoPoint, targets: tuple[NavigationTarget, ...]) -> None:
         points = [start, *(target.point for target in targets)]
@@ -112,14 +112,14 @@ class _Course:
 
 
 class _Watch:
-    """Notices that the distance does not shrink."""
+    """Detects that the distance no longer decreases."""
 
     def __init__(self, now: float) -> None:
         self._best = math.inf
         self._since = now
 
     def stuck_for(self, left: float, now: float) -> float:
-        """Return for how many seconds nothing got better."""
+        """Return the seconds since the distance last decreased."""
         if left < self._best - _NEARER:
             self._best = left
             self._since = now
@@ -170,7 +170,7 @@ class AutopilotNavigator:
         yield Progress(100.0, "there", reached=len(targets))
 
     def _require_no_takeoff(self) -> None:
-        """Raise NotReady while the vehicle takes off: a goal would end that near the ground."""
+        """Raise NotReady during a take-off: a goal would end the take-off near the ground."""
         flavour = self._flight.flavour
         shown = flavour.takeoff != flavour.arming and flavour.mode_of(self._vehicle.state) == flavour.takeoff
         if self._takeoff.under_way or shown:

@@ -1,4 +1,4 @@
-"""What is known of the things a vehicle carries, and of where it is bound: a value, and its changes."""
+"""State of a vehicle's payload and sensors, and its current target: a value, and its reducer."""
 
 from __future__ import annotations
 
@@ -30,16 +30,16 @@ class ImuSample(msgspec.Struct, frozen=True):
 
 
 class GimbalAngles(msgspec.Struct, frozen=True):
-    """How a gimbal is turned, degrees; pitch down is negative, yaw right of the nose is positive."""
+    """Angles of a gimbal, degrees; pitch down is negative, yaw right of the nose is positive."""
 
     pitch: float
     yaw: float
 
 
 class OnboardSensors(msgspec.Struct, frozen=True):
-    """Everything known; times are monotonic seconds of arrival; None and empty where nothing was heard.
+    """Latest values; times are monotonic seconds of arrival; None or empty where nothing was received.
 
-    ``motors``: rad/s, in the autopilot's order. ``bound_for``: the place that it flies to, altitude AMSL.
+    ``motors``: rad/s, in the autopilot's order. ``bound_for``: the reported target position, altitude AMSL.
     """
 
     imu: ImuSample | None = None
@@ -52,7 +52,7 @@ class OnboardSensors(msgspec.Struct, frozen=True):
 
 
 def reduce_sensors(sensors: OnboardSensors, message: MavlinkMessage, now: float) -> OnboardSensors:
-    """Return what is known once ``message`` arrived at monotonic ``now``."""
+    """Return the state after ``message``, which arrived at monotonic ``now``."""
     change = CHANGES.get(type(message))
     return change(sensors, message, now) if change else sensors
 

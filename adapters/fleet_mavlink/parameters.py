@@ -1,7 +1,7 @@
-"""The vehicle's parameters: read by name or all of them, written with a read-back.
+"""Parameters of a vehicle: read by name or all at once, written with a read-back.
 
-ArduPilot carries every number in the float as it is; PX4 puts the bits of an integer there, so that 1.0
-for an integer would silently become 1065353216. Neither answers for a name that it does not know.
+ArduPilot sends every value as a float; PX4 puts the bits of an integer into the float field, so that 1.0
+for an integer would silently become 1065353216. Neither answers a request for an unknown name.
 """
 
 from __future__ import annotations
@@ -25,9 +25,9 @@ REAL32 = 9  # MAV_PARAM_TYPE
 _INTEGERS: Mapping[int, str] = {1: "<B3x", 2: "<b3x", 3: "<H2x", 4: "<h2x", 5: "<I", 6: "<i"}
 _LONGEST_NAME = 16
 _MOST_NAMES = 200  # in one read by name
-_SILENCE = 1.0  # s without a value after which what is missing is asked for again
-_ROUNDS = 5  # times in a row that what is missing is asked for in vain
-_AT_ONCE = 20  # values asked for before waiting for them
+_SILENCE = 1.0  # s without a value after which missing ones are requested again
+_ROUNDS = 5  # requests in a row without an answer
+_AT_ONCE = 20  # values requested before waiting for them
 _MOST = 5000  # parameters that a vehicle may claim to have
 
 Number = int | float
@@ -42,7 +42,7 @@ class Parameter(msgspec.Struct, frozen=True):
 
 
 def decode(said: ParamValue, *, bytewise: bool) -> Parameter:
-    """Return the parameter in a PARAM_VALUE; what is no finite number stays the float that it is."""
+    """Decode a PARAM_VALUE; NaN and infinity are returned as floats."""
     bits = struct.pack("<I", said.param_value)
     packing = _INTEGERS.get(said.param_type)
     value: Number
@@ -56,7 +56,7 @@ def decode(said: ParamValue, *, bytewise: bool) -> Parameter:
 
 
 def encode(name: str, value: Number, kind: int, *, bytewise: bool) -> int:
-    """Return the 32 bits that carry a value; raises Refused for one that they cannot carry truly."""
+    """Return the 32 bits that carry a value; raises Refused for a value that they cannot carry exactly."""
     packing = _INTEGERS.get(kind)
     if not math.isfinite(value) or (packing is not None and value != int(value)):
         what = "a whole number" if packing is not None else "a finite number"
@@ -72,7 +72,7 @@ def encode(name: str, value: Number, kind: int, *, bytewise: bool) -> int:
 
 
 def same(one: Number, other: Number) -> bool:
-    """Return whether two values are one and the same on the wire."""
+    """Return True when two values are the same on the wire."""
     return one == other or struct.pack("<f", one) == struct.pack("<f", other)
 
 
@@ -92,7 +92,7 @@ class Parameters:
             return [await self._read(name) for name in names]
 
     async def read_all(self) -> list[Parameter]:
-        """Return all parameters by name; what got lost on the way is asked for again."""
+        """Return all parameters by name; lost ones are requested again."""
         require_connection(self._vehicle)
         async with self._lock:
             with self._vehicle.hearing(ParamValue) as heard:

@@ -1,9 +1,9 @@
 """Plans in the autopilot's memory (missions, fences): sent, read back, cleared.
 
-The autopilot asks for each item, ArduPilot with MISSION_REQUEST and PX4 with MISSION_REQUEST_INT, and again
-when an answer takes long. An answer to a request that was made twice is one too many for ArduPilot: it says
-13 (INVALID_SEQUENCE) and goes on. So what has arrived is read to its end before the newest request is
-answered, and 13 is no end.
+The autopilot requests each item, ArduPilot with MISSION_REQUEST and PX4 with MISSION_REQUEST_INT, and again
+when the answer takes long. If both requests are answered, ArduPilot reports 13 (INVALID_SEQUENCE) for the
+second answer and goes on. So all received messages are read before the newest request is answered, and 13
+does not end a transfer.
 """
 
 from __future__ import annotations
@@ -82,7 +82,7 @@ class Plans:
     async def upload(self, kind: PlanType, items: Sequence[MissionItemInt]) -> None:
         """Replace a plan by these items; they are numbered and addressed here.
 
-        What counts is what ``download`` finds afterwards: the vehicle's last word may have been lost.
+        Confirm the result with ``download``: the vehicle's final acknowledgement may have been lost.
         """
         async with self._lock:
             require_connection(self._vehicle)
@@ -132,7 +132,7 @@ class Plans:
                 self._send(MissionCount(0, 0, len(items), kind))
             said = await self._newest(kind, heard)
             if said is None and len(asked) == len(items):
-                break  # the last word may be lost: the read-back tells
+                break  # the final acknowledgement may be lost: the read-back decides
             if said is None:
                 tries += 1
             elif isinstance(said, MissionAck):
@@ -174,7 +174,7 @@ class Plans:
         return None if isinstance(newest, _TOLD) else newest
 
     async def _count(self, kind: PlanType, heard: ReceivedMessages[_Said]) -> int:
-        """Return how many items there are; an upload that was broken off makes ArduPilot deny it at first."""
+        """Return the number of items; after an aborted upload ArduPilot first refuses to tell."""
         for _ in range(_TRIES):
             said = await self._answer(
                 MissionRequestList(0, 0, kind),

@@ -1,4 +1,4 @@
-"""What must hold before a vehicle is asked for something; each raises what is missing, and what to do."""
+"""Preconditions of commands to a vehicle; each raises an error with the reason and the remedy."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def _unheard(vehicle: Vehicle) -> NotReady:
 def require_control(vehicle: Vehicle, authority: Authority) -> None:
     """Raise NotReady unless the vehicle answers, is the only one with its id, and is ours.
 
-    Raises Unsupported for what is not flown here: ArduRover would drive 3 s for a single setpoint.
+    Raises Unsupported for a vehicle that is not flown here: ArduRover would drive 3 s for one setpoint.
     """
     require_connection(vehicle)
     if vehicle.flavour is None:
@@ -44,7 +44,7 @@ def require_control(vehicle: Vehicle, authority: Authority) -> None:
 
 
 def require_flying(vehicle: Vehicle, authority: Authority) -> None:
-    """Raise NotReady unless the vehicle flies, by our will, and knows where it is."""
+    """Raise NotReady unless the vehicle flies under our authority and knows its position."""
     require_control(vehicle, authority)
     state = vehicle.state
     if not state.armed or not state.in_air:
@@ -54,7 +54,7 @@ def require_flying(vehicle: Vehicle, authority: Authority) -> None:
 
 
 def not_moved(vehicle: Vehicle) -> Unsupported:
-    """Return the error for a vehicle that is watched and stopped here, and not moved."""
+    """Return the error for a vehicle that can be monitored and stopped here, but not moved."""
     return Unsupported(f"it is {vehicle.what}, which is not moved here: it is watched, and stopped")
 
 

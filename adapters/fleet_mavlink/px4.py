@@ -1,4 +1,4 @@
-"""PX4 for multirotors. Numbers and habits as version 1.16 shows them on the wire."""
+"""PX4 for multirotors: mode numbers and behaviour as observed on the wire of version 1.16."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from fleet_mavlink.px4_kinds import Px4Kind
 from fleet_mavlink.texts import Sentence
 
 _CHANGE_MODE = 1.0  # param2 of DO_REPOSITION
-_CAL = "[cal] "  # with which it begins what it says of a calibration
+_CAL = "[cal] "  # prefix of its texts about a calibration
 _PROGRESS = re.compile(r"progress <(\d{1,3})>")
 
 
@@ -43,7 +43,7 @@ class Px4(Px4Kind, Flavour):
     compass_stop: ClassVar[CommandLong] = CommandLong(Cmd.PREFLIGHT_CALIBRATION)
 
     def takeoff_command(self, altitude: float, home_altitude: float) -> CommandLong:
-        """Return NAV_TAKEOFF from where it stands; zeros for the place would mean the gulf of Guinea."""
+        """Return NAV_TAKEOFF at its current position; a position of 0, 0 would be taken literally."""
         return CommandLong(
             Cmd.NAV_TAKEOFF, param4=NAN, param5=NAN, param6=NAN, param7=home_altitude + altitude
         )

@@ -41,7 +41,7 @@ class Px4Kind(VehicleKind):
     }
     rates: ClassVar[Mapping[int, float]] = {EstimatorStatus.message_id: 1.0}
     imu: ClassVar[int | None] = HighresImu.message_id
-    motors: ClassVar[int | None] = None  # what it says of them is no speed
+    motors: ClassVar[int | None] = None  # its motor messages contain no speeds
     bytewise_parameters: ClassVar[bool] = True
     data_streams: ClassVar[tuple[int, ...]] = ()
     may_be_disarmed: ClassVar[bool] = True
@@ -57,7 +57,7 @@ class Px4Kind(VehicleKind):
         )
 
     def hold_command(self) -> CommandLong:
-        """Return DO_REPOSITION to nowhere: it also ends a flight to a place, which is the same mode."""
+        """Return DO_REPOSITION without a position: it also ends a flight to a place, which has that mode."""
         return CommandLong(
             Cmd.DO_REPOSITION,
             param1=-1.0,
@@ -73,7 +73,7 @@ class Px4Kind(VehicleKind):
         return (Brake(_HOLD, self.hold_command()),)
 
     def position_usable(self, state: VehicleState, now: float) -> bool | None:
-        """Return whether positions come that the estimator stands by: it tells lost ones, too."""
+        """Return True when positions arrive and their flags are good: PX4 reports lost positions, too."""
         return state.knows_where(now)
 
     def ready_to_arm(self, state: VehicleState) -> bool | None:

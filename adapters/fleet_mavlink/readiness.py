@@ -1,4 +1,4 @@
-"""Whether a vehicle would take off now, as a list of checks with the autopilot's own words."""
+"""Readiness of a vehicle for take-off, as a list of checks with the autopilot's own texts."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ class Check(msgspec.Struct, frozen=True):
 def checks(
     state: VehicleState, flavour: Flavour, sentences: Iterable[Sentence], lost_to: str, now: float
 ) -> list[Check]:
-    """Return the list, in the order in which things come up after power-on."""
+    """Return the checks, in the order in which they become ok after power-on."""
     mode = flavour.mode_of(state)
     fix, troubles = state.fix_now(now), position_troubles(state, now)
     satellites = "" if fix is None or fix.satellites is None else f", {fix.satellites} satellites"
@@ -56,7 +56,7 @@ def checks(
 
 
 def _mode_words(mode: str, flavour: Flavour) -> str:
-    """Say in which mode the autopilot judged itself: on ArduPilot its checks depend on it."""
+    """Return the mode, as text, in which the autopilot checked itself: ArduPilot's checks depend on it."""
     return mode if mode == flavour.arming else f"{mode}; a take-off changes to {flavour.arming}"
 
 
@@ -74,13 +74,13 @@ def _percent_words(percent: float | None) -> tuple[str, ...]:
 
 
 def reasons(sentences: Iterable[Sentence], now: float) -> tuple[str, ...]:
-    """Return what the autopilot lately said about arming, each once, oldest first."""
+    """Return the autopilot's recent texts about arming, without duplicates, oldest first."""
     lately = (said.text for said in sentences if now - said.at <= _SAID_FOR)
     return tuple(dict.fromkeys(text for text in lately if text.lower().startswith(_REASONS)))
 
 
 def is_ready(found: Iterable[Check]) -> bool:
-    """Return whether nothing stands against a take-off; satellites and battery need not be told."""
+    """Return True when nothing prevents a take-off; satellites and battery may be unknown."""
     return all(check.ok or (check.ok is None and check.check in _NEED_NOT_BE_TOLD) for check in found)
 
 
@@ -94,7 +94,7 @@ async def look(flight: Flight) -> list[Check]:
         await flight.commander.ask(CommandLong(Cmd.RUN_PREARM_CHECKS), tries=1)
         await asyncio.sleep(_WORDS_WITHIN)
     except CommandError:
-        pass  # an autopilot without the command tells what is wrong by itself, only less often
+        pass  # an autopilot without the command sends its reasons unasked, only less often
     now = vehicle.now()
     lost_to = flight.authority.lost_to
     return checks(vehicle.state, flight.flavour, tuple(vehicle.sentences), lost_to, now)

@@ -1,4 +1,4 @@
-"""What of some kinds a vehicle says while somebody has an exchange with it."""
+"""Queue of a vehicle's messages of some types, for the duration of an exchange with it."""
 
 from __future__ import annotations
 
@@ -10,18 +10,18 @@ from fleet_mavlink.messages import MavlinkMessage
 from fleet_mavlink.texts import Sentence
 
 SaidT = TypeVar("SaidT", bound=MavlinkMessage | Sentence)
-_MOST = 4096  # kept; a vehicle that says more meanwhile is not listened to
+_MOST = 4096  # messages kept; further ones are dropped
 
 
 class ReceivedMessages(Generic[SaidT]):
-    """What was said, in order; each is taken once."""
+    """Messages in order of arrival; each is taken once."""
 
     def __init__(self, kinds: tuple[type[SaidT], ...]) -> None:
         self._kinds = kinds
         self._said: asyncio.Queue[SaidT] = asyncio.Queue()
 
     def put(self, said: MavlinkMessage | Sentence) -> None:
-        """Keep what is of the kinds; the rest passes by."""
+        """Keep a message of the wanted types; ignore any other."""
         if isinstance(said, self._kinds) and self._said.qsize() < _MOST:
             self._said.put_nowait(said)
 

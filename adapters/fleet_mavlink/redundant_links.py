@@ -1,7 +1,7 @@
-"""Several links to the same vehicles, as one: what one of them loses, another still carries.
+"""Redundant links to the same vehicles, combined into one link.
 
-All of them are listened to and kept open; which of them a vehicle is spoken to by is decided for each
-vehicle, by where it is heard.
+All links are kept open and received from. The link used to send to a vehicle is chosen per vehicle, by where
+the vehicle is heard.
 """
 
 from __future__ import annotations
@@ -20,12 +20,12 @@ from fleet.link.backoff import backoff
 from fleet.link.base import Address, Link, Receiver
 
 _LOG = logging.getLogger(__name__)
-_LONGEST = 5.0  # s between attempts to open one again
-_FIRST_WITHIN = 5.0  # s for the first of them to open
+_LONGEST = 5.0  # s, longest delay between attempts to reopen a link
+_FIRST_WITHIN = 5.0  # s within which the first link must open
 
 
 class Place(msgspec.Struct, frozen=True):
-    """Who sent something: an address on one of the ways, 0 the one that is preferred."""
+    """Sender of a message: an address on one of the links; link 0 is preferred."""
 
     way: int
     address: Address
@@ -37,7 +37,7 @@ def way_of(address: Address) -> int:
 
 
 class Ways:
-    """Some links that are kept open, each by itself; it never falls as a whole."""
+    """Several links, each of which is reopened by itself; together they never go down."""
 
     def __init__(self, urls: Sequence[str], receiver: Receiver) -> None:
         self.url = " + ".join(urls)
@@ -83,9 +83,9 @@ class Ways:
         return -1
 
     def send(self, data: bytes, address: Address = None) -> None:
-        """Write by the way of an address, by all of them without one.
+        """Write to the link of an address, or to all links without one.
 
-        What is written while a way is down is lost, as it is in the air: it comes back by itself.
+        Data written while a link is down is lost, as on a radio link; the link is reopened by itself.
         """
         for way, link in tuple(self._open.items()):
             if address is None or address.way == way:
@@ -93,7 +93,7 @@ class Ways:
                     link.send(data, address.address if address is not None else None)
 
     async def lost(self) -> None:
-        """Wait for ever: each way comes back by itself."""
+        """Wait for ever: each link is reopened by itself."""
         await asyncio.Event().wait()
 
     async def close(self) -> None:

@@ -1,4 +1,4 @@
-"""When what is reported: each thing at its rate, and what changes at once."""
+"""Schedule of a vehicle's reports: each at its rate, and changes at once."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ _LAST_SENTENCES = 8  # that go with the flight controller's state
 
 
 class Reporter:
-    """The reports of one vehicle; while it does not answer, only that is told."""
+    """Reports of one vehicle; while it does not answer, only its loss is reported."""
 
     def __init__(
         self,
@@ -54,7 +54,7 @@ class Reporter:
         self._state_at = 0.0
 
     def begin(self) -> None:
-        """Hang everything on the host's wheel."""
+        """Register all periodic reports with the host's tick scheduler."""
         rates = self._rates
         self._every(1 / rates.pose, self._pose)
         self._every(1 / rates.gps, lambda state, _, now: self._gps(state, now))

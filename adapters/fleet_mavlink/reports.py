@@ -1,4 +1,4 @@
-"""What is known of a vehicle as the reports of the project; nothing is said of what is unknown."""
+"""Converts a vehicle's state to reports; unknown values are left out."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""One robot's time on an open link: what is known of its vehicle, and everything that acts on it."""
+"""Session of one robot on an open link: the state of its vehicle, and everything that acts on it."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ _LOOK = 0.25  # s between looks at the vehicle's health
 
 
 class VehicleSession:
-    """A vehicle, and what flies, drives, watches and reports it; ``limits`` are those in force."""
+    """A vehicle with its flight, drive, monitoring and reports; ``limits`` are the effective ones."""
 
     def __init__(
         self, config: MavlinkConfig, limits: Limits, hub: LinkHub, vehicle: Vehicle, robot: Robot
@@ -150,7 +150,7 @@ class VehicleSession:
 
     @property
     def is_ours_to_stop(self) -> bool:
-        """True where a stop that nobody asked for is right: it is flown by us, and does not come down."""
+        """True when an unrequested stop is right: the vehicle is flown by us and is not coming down."""
         flown = self.vehicle.connected and self.vehicle.flavour is not None and not self.authority.lost_to
         return flown and not self.comes_down
 
@@ -158,10 +158,11 @@ class VehicleSession:
         """Brake and hold; returns once the hold is shown. On the ground there is nothing to do.
 
         The plain stop of a drive returns once the vehicle stands; the hold follows a moment later, or at once
-        when it does not. A vehicle that somebody else has is left to him unless ``takes_over``: the plain
-        stop at the end of a drive must not take it from its pilot; Refused says so. What is not moved here is
-        braked whoever moves it. Raises NotReady when it does not answer: nobody knows then whether it stops.
-        A stop that fails stands in health until one works, or the motors are off.
+        when it does not stand. A vehicle under somebody else's control is left alone unless ``takes_over``,
+        because the plain stop at the end of a drive must not take it from its pilot; raises Refused then. A
+        vehicle that is not moved here is braked whoever moves it. Raises NotReady when the vehicle does not
+        answer: then it is unknown whether it stops. A failed stop stays in health until one succeeds, or the
+        motors are off.
         """
         if self.authority.lost_to and not takes_over:
             self.commander.supersede(reason)
@@ -202,16 +203,16 @@ class VehicleSession:
         return is_standing(self.vehicle.state)
 
     async def kill(self) -> None:
-        """Stop the motors at once; whatever is under way ends, and nothing more is streamed."""
+        """Stop the motors at once; running commands end, and nothing more is streamed."""
         self.commander.supersede("kill")
         self.driver.end()
         await self.flight.kill()
 
     def halt(self, *, takes_over: bool = False) -> None:
-        """Write what stops the vehicle now; from any thread. The next tick goes on from there.
+        """Write the messages that stop the vehicle now; from any thread. The next tick continues from there.
 
-        A vehicle that does not answer may be following its own fail-safe: its mode is not touched. One that
-        somebody else has is left to him unless ``takes_over``.
+        A vehicle that does not answer may be in its own fail-safe, so its mode is not changed. One that is
+        under somebody else's control is left alone unless ``takes_over``.
         """
         state, flavour = self.vehicle.state, self.vehicle.flavour
         self.driver.halted = True
@@ -254,23 +255,23 @@ class VehicleSession:
         self.driver.give_way(flavour, mode)
 
     def _tick(self) -> None:
-        """Stream setpoints; a link that fell is noticed by who waits for it."""
+        """Stream setpoints; the task that waits for the link notices when it is down."""
         try:
             self.driver.tick()
         except LinkLost as error:
             self._robot.log.debug("no setpoint was sent: %s", error)
 
     def _look(self) -> None:
-        """Say how the way to the vehicle is."""
+        """Report the health of the vehicle and its link."""
         self.vehicle.tick()
         self._see_cause()
         never_heard = self.vehicle.state.heartbeat is None
         if never_heard and self._robot.clock.monotonic() - self._began < SILENCE:
-            return  # it was given no time to speak yet
+            return  # the vehicle has had no time to answer yet
         self._robot.health(self._health())
 
     def _health(self) -> Health:
-        """Return how the vehicle is, with the cause."""
+        """Return the vehicle's health, with the cause."""
         vehicle = self.vehicle
         if not vehicle.connected:
             return Health(Level.OFFLINE, self._absence())
@@ -295,7 +296,7 @@ class VehicleSession:
         return (*troubles, *self.failsafes.troubles, *(self.fence.troubles if self.fence else ()))
 
     def _absence(self) -> str:
-        """Say what is not heard, and what is heard instead."""
+        """Return which vehicle is not heard, and which are heard instead."""
         system = self.vehicle.system
         where = f"system {system} on {self._hub.link.url}"
         others = [str(each) for each in self._hub.unclaimed]
@@ -308,7 +309,7 @@ class VehicleSession:
         return f"no heartbeat from {where} yet{hint}"
 
     def _heartbeat(self) -> None:
-        """Look whether somebody else changed the mode, and whether the vehicle is back."""
+        """Check whether somebody else changed the mode, and whether the vehicle is back."""
         vehicle = self.vehicle
         self._see_cause()
         if vehicle.flavour is not None:
@@ -323,16 +324,16 @@ class VehicleSession:
             self._cause.see(vehicle.state, mode, vehicle.sentences, vehicle.now())
 
     def _authority_lost(self, reason: str) -> None:
-        """End everything of ours; what is being asked is not asked again over a pilot's head."""
+        """End all our activity; running commands are not repeated against the pilot."""
         self.commander.supersede("somebody else has the vehicle")
         self.driver.end()
         if self.vehicle.state.failsafe and not self._cause.text:
-            self._spawn(self._tell_loss(reason))  # it ended above; only the telling waits for its reason
+            self._spawn(self._tell_loss(reason))  # only the report waits for the reason
         else:
             self._robot.authority_lost(reason)
 
     async def _tell_loss(self, reason: str) -> None:
-        """Tell a loss of authority once the autopilot had time to say why."""
+        """Report a loss of authority, after waiting for the autopilot's reason."""
         while not self._cause.text and not self._cause.settled(self.vehicle.now()):
             await asyncio.sleep(_LOOK)
             self._see_cause()

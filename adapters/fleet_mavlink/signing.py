@@ -1,6 +1,6 @@
-"""MAVLink 2 signing: frames that only who has the key can make, and that cannot be played again.
+"""MAVLink 2 signing: frames that only a holder of the key can make, and that cannot be replayed.
 
-A signature is the id of a link, a time that only grows (10 us since 2015), and the first six bytes of
+A signature consists of a link id, a strictly increasing time (10 us since 2015), and the first six bytes of
 SHA-256 over key and frame.
 """
 
@@ -13,7 +13,7 @@ from collections.abc import Callable
 
 _EPOCH = 1_420_070_400  # Unix seconds of 2015-01-01
 _TICKS = 100_000  # a second
-_LATE = 60 * _TICKS  # by which a stream that begins may be behind the newest signature
+_LATE = 60 * _TICKS  # by which the first frame of a new stream may be older than the newest signature
 KEY_BYTES = 32
 SIGNATURE_BYTES = 13
 
@@ -29,7 +29,7 @@ def key_of(text: str) -> bytes:
 
 
 class Signer:
-    """Signs what goes to one vehicle and checks what comes from it; ``now`` gives Unix seconds."""
+    """Signs frames to one vehicle and checks frames from it; ``now`` returns Unix seconds."""
 
     def __init__(self, key: bytes, now: Callable[[], float]) -> None:
         self.key = key
@@ -54,7 +54,7 @@ class Signer:
         return hashlib.sha256(self.key + signed).digest()[:6]
 
     def accepts(self, frame: bytes) -> bool:
-        """Return whether a signed frame was made with the key, and is none that was heard before."""
+        """Return True when a signed frame was made with the key and is not a replay."""
         stamp = int.from_bytes(frame[-12:-6], "little")
         stream = (frame[5], frame[6], frame[-SIGNATURE_BYTES])
         last = self._heard.get(stream)

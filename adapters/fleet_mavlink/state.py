@@ -1,4 +1,4 @@
-"""What is known of one vehicle: a frozen value, and how each message changes it. No I/O, no clock."""
+"""State of one vehicle: an immutable value, and the reducers of its messages. No I/O, no clock."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ _FIX_FRESH = 5.0  # s without a word of the satellite receiver after which its f
 _ABSOLUTE_POSITION = 0x10  # estimator flag
 _UNKNOWN_16 = 65535
 _LANDED = {int(each): each for each in Landed}
-_UNDEFINED, _ON_GROUND = Landed.UNDEFINED, Landed.ON_GROUND  # looked up once: an enumeration's is slow
+_UNDEFINED, _ON_GROUND = Landed.UNDEFINED, Landed.ON_GROUND  # lookups on an enumeration are slow
 _CHARGING = 7  # MAV_BATTERY_CHARGE_STATE
 _AIRBORNE = 0.5  # m above home, where the autopilot does not say whether it flies
 
@@ -81,7 +81,7 @@ class Angles(msgspec.Struct, frozen=True):
 
 
 class VehicleState(msgspec.Struct, frozen=True):
-    """Everything known; times are monotonic seconds of arrival, None where nothing was heard."""
+    """Latest values; times are monotonic seconds of arrival, None where nothing was received."""
 
     heartbeat: Heartbeat | None = None
     heartbeat_at: float = -math.inf
@@ -120,12 +120,12 @@ class VehicleState(msgspec.Struct, frozen=True):
 
     @property
     def failsafe(self) -> bool:
-        """True when the autopilot acts on its own to save itself."""
+        """True while the autopilot is in a fail-safe."""
         return self.heartbeat is not None and self.heartbeat.system_status >= Status.CRITICAL
 
     @property
     def in_air(self) -> bool | None:
-        """Whether the vehicle flies, None when that cannot be told, and for what moves on the ground."""
+        """Whether the vehicle flies, None when unknown, and for a ground vehicle."""
         if self.on_the_surface:
             return None
         if self.landed is not _UNDEFINED:
@@ -138,17 +138,17 @@ class VehicleState(msgspec.Struct, frozen=True):
 
     @property
     def on_the_surface(self) -> bool:
-        """True for what moves on ground or water: its height above home means nothing.
+        """True for a vehicle on ground or water: its height above home is meaningless.
 
-        ArduRover takes its home's altitude before the receiver knows one, and tells 488 m at sea level.
+        ArduRover sets its home's altitude before its receiver has one, and then reports 488 m at sea level.
         """
         return self.heartbeat is not None and self.heartbeat.type in ON_THE_SURFACE
 
     @property
     def estimator_has_position(self) -> bool | None:
-        """Whether the estimator stands by the position that it tells, None where it says nothing of it.
+        """Whether the estimator's flags confirm its position, None when it sends none.
 
-        The flag for a constant position is no sign: PX4 sets it at rest, ArduPilot only without this one.
+        The flag for a constant position is not used: PX4 sets it at rest, ArduPilot only without this one.
         """
         flags = self.estimator_flags
         return None if flags is None else bool(flags & _ABSOLUTE_POSITION)
@@ -166,13 +166,13 @@ class VehicleState(msgspec.Struct, frozen=True):
         return self.velocity.norm() if self.velocity is not None else math.inf
 
     def connected(self, now: float) -> bool:
-        """Return whether heartbeats come: lost after 3 s, back with the second one."""
+        """Return True while heartbeats arrive: lost after 3 s, back with the second one."""
         return now - self.heartbeat_at <= SILENCE and self.beats >= _BEATS_TO_RETURN
 
     def knows_where(self, now: float) -> bool:
-        """Return whether position and attitude are fresh, and the estimator stands by them.
+        """Return True when position and attitude are fresh, and the estimator's flags confirm them.
 
-        Without satellites both autopilots go on telling a position that runs away, hundreds of metres far.
+        Without satellites both autopilots go on reporting a position, which drifts by hundreds of metres.
         """
         fresh = now - self.position_at <= _FRESH and now - self.attitude_at <= _FRESH
         return fresh and self.estimator_has_position is not False
@@ -187,7 +187,7 @@ class VehicleState(msgspec.Struct, frozen=True):
 
 
 def reduce(state: VehicleState, message: MavlinkMessage, now: float) -> VehicleState:
-    """Return what is known once ``message`` arrived at monotonic ``now``."""
+    """Return the state after ``message``, which arrived at monotonic ``now``."""
     kind = type(message)
     news: dict[str, object] = {}
     boot_ms: int | None = getattr(message, "time_boot_ms", None)
@@ -222,7 +222,7 @@ def _heartbeat(state: VehicleState, message: Heartbeat, now: float) -> dict[str,
     """Count heartbeats; one from the start of the boot, after being up, means a reboot."""
     beats = state.beats + 1 if now - state.heartbeat_at <= SILENCE else 1
     if state.heartbeat is None:
-        beats = _BEATS_TO_RETURN  # a first meeting needs no proof; a return does
+        beats = _BEATS_TO_RETURN  # the first contact counts at once; only a return needs a second heartbeat
     news: dict[str, object] = {"heartbeat": message, "heartbeat_at": now, "beats": beats}
     was_up = state.heartbeat is not None and state.heartbeat.system_status > Status.CALIBRATING
     # PX4 says UNINIT also of a vehicle that is up and may not arm just now; ArduPilot says BOOT at boot only.
@@ -275,7 +275,7 @@ def _amperes(centiamperes: int) -> float | None:
 
 
 def _gps(_state: VehicleState, message: GpsRawInt, now: float) -> dict[str, object]:
-    """Take a fix of two or three dimensions, forget it when it is lost: PX4 tells its last place on."""
+    """Take a 2D or 3D fix; drop it when lost, because PX4 keeps reporting its last position."""
     kind = FIX_TYPES.get(message.fix_type)
     satellites = None if message.satellites_visible == 255 else message.satellites_visible
     if kind is None or not _is_place(message.lat, message.lon):
@@ -299,7 +299,7 @@ def _estimator(
 
 
 def _is_place(latitude: int, longitude: int) -> bool:
-    """Return whether degrees times 1e7 name a place; 0/0 is how autopilots say that they do not know."""
+    """Return True when degrees times 1e7 are a position; autopilots send 0/0 for an unknown one."""
     return (
         (latitude, longitude) != (0, 0) and abs(latitude) <= 900_000_000 and abs(longitude) <= 1_800_000_000
     )

@@ -1,6 +1,6 @@
-"""Asking the vehicle for the messages we need, and asking again for those that do not come.
+"""Requests the messages that we need from the vehicle, and repeats requests for those that do not arrive.
 
-ArduPilot sends nothing but heartbeats and texts unless asked, and forgets the rates when it reboots.
+ArduPilot sends only heartbeats and texts until it is asked for more, and forgets the rates when it reboots.
 """
 
 from __future__ import annotations
@@ -30,10 +30,10 @@ from fleet_mavlink.messages import (
 from fleet_mavlink.vehicle import Vehicle
 from fleet_mavlink.vehicle_kind import VehicleKind
 
-_LOOK = 1.0  # s between looks at what comes
-_PATIENCE = 3.0  # s, or three periods, without a message after which it is asked for again
-_ASK_AGAIN = 5.0  # s between asking for the same message
-_OLD_WAY_AFTER = 2  # times asked for the attitude in vain
+_LOOK = 1.0  # s between checks of the arriving messages
+_PATIENCE = 3.0  # s, or three periods, without a message after which it is requested again
+_ASK_AGAIN = 5.0  # s between requests for the same message
+_OLD_WAY_AFTER = 2  # requests for the attitude without effect
 _KIND = {kind.message_id: kind for kind in (*INCOMING, *payload_messages.INCOMING)}
 
 
@@ -91,7 +91,7 @@ class Streams:
             await asyncio.sleep(_LOOK)
 
     def _forget(self) -> None:
-        """Begin anew: whatever was agreed is gone."""
+        """Start over: the vehicle has lost its rates."""
         self._asked_at.clear()
         self._refused.clear()
         self._in_vain = 0

@@ -1,4 +1,4 @@
-"""Taking off: from the ground, right after a landing or out of one, until the height is seen."""
+"""Take-off: from the ground, right after a landing or during one, until the height is reached."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ from fleet_mavlink.state import VehicleState
 _ATTEMPTS = 3  # the motors may be switched off under the first, when a landing ends meanwhile
 _BEGUN_WITHIN = 3.0  # s; the heartbeat that shows it comes once a second
 _OFF_GROUND_WITHIN = 20.0  # s after the take-off was accepted
-_POLL = 0.5  # s between looks
-_CLOSE = 0.3  # m that the height may be off, seen by the autopilot itself
-_NEAR, _NEAR_SHARE = 0.5, 0.05  # m, and share of the height, that it may be off where it gets no nearer
-_WITHIN = 0.1  # m from a limit, since home itself is told to the centimetre
+_POLL = 0.5  # s between checks
+_CLOSE = 0.3  # m, tolerated error of the height that the autopilot reports
+_NEAR, _NEAR_SHARE = 0.5, 0.05  # m, and share of the height, tolerated when it gets no nearer
+_WITHIN = 0.1  # m from a limit, because home is reported to the centimetre
 _SETTLES_WITHIN = 4.0  # s after its own end, in which it climbs on to the height that it was given
 _CORRECTED_WITHIN = 15.0  # s
 _CORRECTS_AT = 1.0  # m/s
@@ -27,7 +27,7 @@ _TOLERANCE = 0.8  # m; what PX4 comes with
 
 
 class TakeOff:
-    """The take-offs of one vehicle; ``under_way`` while one is carried out."""
+    """Take-offs of one vehicle; ``under_way`` while one is running."""
 
     def __init__(self, flight: Flight, parameters: Parameters) -> None:
         self.under_way = False
@@ -36,9 +36,9 @@ class TakeOff:
         self._parameters = parameters
 
     async def climb(self, altitude: float) -> AsyncIterator[Progress]:
-        """Arm if need be and climb to ``altitude`` m above home; yields once the autopilot took it.
+        """Arm if necessary and climb to ``altitude`` m above home; yields once the autopilot accepts it.
 
-        A vehicle that is higher (it lands, or returns home) holds instead. Raises what refuses it, Refused
+        A vehicle that is higher (it lands, or returns home) holds instead. Raises the refusal, Refused also
         when it ended too low, Fault when the motors stopped, TimedOut.
         """
         require_control(self._vehicle, self._flight.authority)
@@ -54,7 +54,7 @@ class TakeOff:
             self.under_way = False
 
     async def _try(self, altitude: float) -> AsyncIterator[Progress]:
-        """Take off, and again when a landing that ends meanwhile has switched the motors off."""
+        """Take off; try again when the end of a landing switched the motors off meanwhile."""
         for _ in range(_ATTEMPTS):
             attempt = _Attempt(self._flight, self._parameters, altitude)
             if not await attempt.begin():
@@ -67,7 +67,7 @@ class TakeOff:
 
 
 class _Attempt:
-    """One try; ``landed``: a landing ended before it, so that another is needed."""
+    """One attempt; ``landed``: a landing ended before it, so another attempt is needed."""
 
     def __init__(self, flight: Flight, parameters: Parameters, altitude: float) -> None:
         self.landed = False
@@ -164,7 +164,7 @@ class _Attempt:
         return max(_NEAR, _NEAR_SHARE * self._altitude)
 
     async def _give_up(self) -> None:
-        """Undo what was begun, and raise TimedOut."""
+        """Undo the take-off, and raise TimedOut."""
         if self._armed_by_us:
             await self._flight.disarm_quietly()
         raise TimedOut(f"it did not leave the ground in {_OFF_GROUND_WITHIN:g} s")

@@ -1,4 +1,4 @@
-"""STATUSTEXT: pieces joined into whole sentences, and the sentences said lately."""
+"""STATUSTEXT: joins chunks to complete texts."""
 
 from __future__ import annotations
 
@@ -8,15 +8,15 @@ import msgspec
 
 from fleet_mavlink.messages import StatusTextMessage
 
-CHUNK = 50  # characters of a full piece
-PATIENCE = 1.0  # s to wait for the next piece
-_OPEN = 8  # unfinished sentences of one vehicle; more are let go, oldest first
+CHUNK = 50  # characters of a full chunk
+PATIENCE = 1.0  # s to wait for the next chunk
+_OPEN = 8  # incomplete texts kept for one vehicle; the oldest are dropped first
 _CONTROL = re.compile(r"[\x00-\x1f\x7f]+")
 WARNING = 4  # MAV_SEVERITY: this or lower is trouble
 
 
 class Sentence(msgspec.Struct, frozen=True):
-    """What the autopilot said, ``severity`` 0 (emergency) to 7 (debug), heard at monotonic ``at``."""
+    """A text of the autopilot, ``severity`` 0 (emergency) to 7 (debug), received at monotonic ``at``."""
 
     text: str
     severity: int
@@ -44,7 +44,7 @@ class _Pieces:
 
 
 class Joiner:
-    """Joins the pieces of one component's sentences; a piece that never comes is waited for 1 s."""
+    """Joins the chunks of one component's texts; waits 1 s for a missing chunk."""
 
     def __init__(self) -> None:
         self._open: dict[int, _Pieces] = {}

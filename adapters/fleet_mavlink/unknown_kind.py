@@ -1,4 +1,4 @@
-"""A vehicle whose autopilot, or whose kind on it, is not known here."""
+"""Kind of a vehicle whose autopilot or type is not known here."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from fleet_mavlink.vehicle_kind import Brake, VehicleKind
 
 
 class UnknownKind(VehicleKind):
-    """Its modes have no names. It is asked to pause, and then seen to stand, or the stop fails."""
+    """Unknown vehicle without mode names. A stop asks it to pause, and fails unless it is seen to stand."""
 
     name: ClassVar[str] = "an unknown autopilot"
     modes: ClassVar[Mapping[int, str]] = {}

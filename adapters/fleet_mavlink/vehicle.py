@@ -1,4 +1,4 @@
-"""One vehicle on a link: what is known of it, the way to it, and who waits for what."""
+"""One vehicle on a link: its state, its address, and the tasks that wait for its messages."""
 
 from __future__ import annotations
 
@@ -26,18 +26,18 @@ from fleet_mavlink.state import SILENCE, VehicleState, reduce
 from fleet_mavlink.texts import Joiner, Sentence
 from fleet_mavlink.vehicle_kind import VehicleKind
 
-_REMEMBERED = 64  # sentences
-_SAME_WITHIN = 1.0  # s between an event and the text that says the same
-_SWITCH_AFTER = 1.5  # s without a word after which another way is taken
+_REMEMBERED = 64  # texts kept
+_SAME_WITHIN = 1.0  # s between an event and a text with the same content
+_SWITCH_AFTER = 1.5  # s of silence after which another link is used
 
 Condition = Callable[[VehicleState], bool]
 
 
 class Vehicle:
-    """The autopilot with one system id; only what comes from it, by one address, is believed.
+    """The autopilot with one system id; only messages from its one known address are accepted.
 
-    ``send`` writes a message to it. ``on_heartbeat``, ``on_ack`` and ``on_sentence`` are called for
-    what it says, before those who wait for a state are woken.
+    ``send`` writes a message to it. ``on_heartbeat``, ``on_ack`` and ``on_sentence`` are called for its
+    messages, before the tasks that wait for a state are woken.
     """
 
     def __init__(
@@ -108,7 +108,7 @@ class Vehicle:
         self._send(message, self.address)
 
     def take(self, message: MavlinkMessage, address: Address) -> None:
-        """Believe a message from this system's autopilot, unless it comes from elsewhere."""
+        """Handle a message from this system's autopilot, unless it comes from another address."""
         now = self.now()
         if isinstance(message, Heartbeat) and message.autopilot == NO_AUTOPILOT:
             return
@@ -130,7 +130,7 @@ class Vehicle:
         self._wake()
 
     def take_part(self, component: int, message: MavlinkMessage) -> None:
-        """Take what a component beside the autopilot says: a camera of its own, or how a gimbal is turned."""
+        """Handle a message of another component of the vehicle: a camera, or a gimbal."""
         if isinstance(message, GimbalDeviceAttitudeStatus):
             self.state = reduce(self.state, message, self.now())
             self._wake()
@@ -142,11 +142,11 @@ class Vehicle:
                 camera.take(message, None)
 
     def _is_ours(self, address: Address, now: float) -> bool:
-        """Learn the address; another one on the same way within 3 s is not believed.
+        """Return True when an address is the vehicle's; learn a new one after 3 s of silence of the old one.
 
-        If the known one goes on speaking beside it, it is another vehicle with the same id; if not, the
-        autopilot restarted and speaks from there now. Of several ways the first by which it is heard is
-        believed and spoken to; the rest stand by.
+        If the known address stays active beside another one, that is a second vehicle with the same id; if
+        not, the autopilot restarted with a new address. Of several links the first on which the vehicle is
+        heard is used; the others stand by.
         """
         way = way_of(address)
         known, heard_at = self._ways.get(way, (address, -math.inf))
@@ -169,7 +169,7 @@ class Vehicle:
         return way == best
 
     def _clash(self, others: deque[tuple[Address, float]]) -> None:
-        """Note that another vehicle with this id speaks, too: what it said, from where and when."""
+        """Note that a second vehicle uses this id, with the addresses and times of its messages."""
         other, at = others[-1]
         if not self.clashing:
             self.log.error("two vehicles use id %s: at %s and %s", self.system, self.address, other)
@@ -187,7 +187,7 @@ class Vehicle:
             self._hearing.remove(heard)
 
     def tick(self) -> None:
-        """Let go of sentences whose end never came."""
+        """Pass on texts whose last chunks never arrived."""
         self._say(self._joiner.late(self.now()))
 
     def _happened(self, event: Event, now: float) -> None:
@@ -231,7 +231,7 @@ class Vehicle:
             async with asyncio.timeout(seconds):
                 await waiter[1]
         except TimeoutError:
-            return condition(self.state)  # it may have come in the very moment
+            return condition(self.state)  # it may have become true at the time-out itself
         finally:
             self._waiting.remove(waiter)
         return True

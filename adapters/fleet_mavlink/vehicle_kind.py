@@ -1,4 +1,4 @@
-"""What is known of any vehicle, moved here or not: its modes, and what brakes it."""
+"""Kind of a vehicle, whether it is moved here or not: its modes, and how it is braked."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ class VehicleKind(ABC):
 
     @abstractmethod
     def brakes(self, state: VehicleState) -> tuple[Brake, ...]:
-        """Return what brakes it, the best first; the next is taken where one is refused."""
+        """Return the ways to brake it, the best first; the next is tried when one is refused."""
 
     def stands(self, state: VehicleState) -> bool:  # noqa: ARG002 - a VTOL's depends on it
         """Return whether it stands still once it has braked: wings cannot."""

@@ -1,4 +1,4 @@
-"""Holding a velocity: streams setpoints while somebody drives, and never leaves without a confirmed hold."""
+"""Velocity control: streams setpoints during a drive, and ends only with a confirmed hold."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ from fleet_mavlink.preconditions import require_flying
 from fleet_mavlink.vehicle import Vehicle
 
 PERIOD = 0.05  # s between setpoints
-_REST = 1.0  # s of zero velocity after which the vehicle is left to its own hold
-_AGAIN = 1.0  # s until a mode that was refused is asked for again
+_REST = 1.0  # s of zero velocity after which the vehicle is switched to its own hold
+_AGAIN = 1.0  # s until a refused mode is requested again
 
 
 class StreamPhase(enum.Enum):
-    """Where driving stands."""
+    """Phase of a drive."""
 
     IDLE = "idle"  # nothing is streamed
     STARTING = "starting"  # the newest velocity, until the vehicle shows that it takes setpoints
@@ -34,11 +34,11 @@ IDLE, STARTING, DRIVING, BRAKING = StreamPhase
 
 
 class VelocityStream:
-    """The stream of setpoints to one vehicle; ``tick`` is called every ``PERIOD``, nothing here blocks.
+    """Stream of setpoints to one vehicle; ``tick`` is called every ``PERIOD``; nothing here blocks.
 
-    ``enter`` asks for the mode that takes setpoints, ``hold`` for the one that keeps the place; both run in
-    the background, by ``spawn``, until the heartbeat shows them. ``busy`` tells that another command is under
-    way: its mode may be shown late, and a hold behind it would undo it.
+    ``enter`` requests the mode that accepts setpoints, ``hold`` the mode that holds position; both run in the
+    background, by ``spawn``, until the heartbeat shows the mode. ``busy``: another command is running; its
+    mode may be shown late, and a hold after it would undo it.
     """
 
     def __init__(
@@ -96,9 +96,9 @@ class VelocityStream:
             self._stream()
 
     def rest(self) -> bool:
-        """End a drive gently: zero velocity now, the hold a moment later; False when nobody drives.
+        """End a drive gently: zero velocity now, the hold a moment later; False when there is no drive.
 
-        Who drives in bursts need not wait for two changes of mode between them.
+        So a drive in bursts does not wait for two changes of mode between the bursts.
         """
         if not self.drives:
             return False
@@ -115,7 +115,7 @@ class VelocityStream:
             raise NotReady(f"the vehicle does not take velocities: {self._refusal}")
 
     def brake(self) -> None:
-        """Stream zeros until the vehicle holds by itself; whoever calls asks for the hold."""
+        """Stream zeros until the vehicle holds by itself; the caller requests the hold."""
         self._wanted = ZERO_VELOCITY
         self._forget_start()
         if self.phase is not IDLE:
@@ -123,14 +123,14 @@ class VelocityStream:
             self._to(BRAKING)
 
     def give_way(self, flavour: Flavour, mode: str) -> None:
-        """Make room for a command that leads to ``mode``; where that obeys setpoints, be silent at once."""
+        """End the stream for a command that leads to ``mode``; at once if that mode obeys setpoints."""
         if mode == flavour.external:
             self.end()
         else:
             self.brake()
 
     def end(self) -> None:
-        """Be silent at once: somebody else has the vehicle."""
+        """End the stream at once: somebody else has the vehicle."""
         self._wanted = ZERO_VELOCITY
         self._forget_start()
         self._to(IDLE)
@@ -152,7 +152,7 @@ class VelocityStream:
             return
         mode = flavour.mode_of(self._vehicle.state)
         if self.phase is IDLE and mode == flavour.external != flavour.goto:
-            self._to(BRAKING)  # it waits for setpoints that nobody sends: a start was overtaken
+            self._to(BRAKING)  # the vehicle waits for setpoints that nobody sends: a start was superseded
         if self.phase is not IDLE:
             self._stream()
             _STEPS[self.phase](self, flavour, mode)
@@ -164,8 +164,8 @@ class VelocityStream:
     def _stream(self) -> None:
         """Send the wanted velocity, or zero while braking.
 
-        It is sent before the mode is shown, too: the vehicle obeys it from the moment it takes setpoints,
-        and the heartbeat that shows the mode comes up to a second later.
+        It is also sent before the mode is shown: the vehicle obeys as soon as it accepts setpoints, and the
+        heartbeat that shows the mode comes up to a second later.
         """
         state = self._vehicle.state
         knows_where = state.knows_where(self._vehicle.now())

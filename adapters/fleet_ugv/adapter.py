@@ -1,4 +1,4 @@
-"""A wheeled base as the host sees it."""
+"""Adapter for wheeled bases on a serial line."""
 
 from __future__ import annotations
 
@@ -35,8 +35,8 @@ from fleet_ugv.sim.spec import SimSpec, spec_of
 
 GivenT = TypeVar("GivenT")
 
-STANDSTILL = 1.0  # s that a stop waits to see the wheels stand
-NUDGE = 0.1  # rad that one camera_up, _down, _left or _right is
+STANDSTILL = 1.0  # s that a stop waits until the wheels are seen to stand
+NUDGE = 0.1  # rad by which camera_up, _down, _left and _right move
 SIMULATOR = "fleet_ugv.sim"
 _Level = Annotated[int, Range(0, 255, "(full brightness)")]
 _Levels = Annotated[list[int], Range(0, 255, "(full brightness)")]
@@ -48,13 +48,13 @@ MOUNT: Mapping[str, JointRange] = MappingProxyType(
         "tilt": JointRange(-math.pi / 6, math.pi / 2, GIMBAL_SPEED),
     }
 )
-"""The joints of the camera's mount: the firmware's ranges, at the speed that is written with each angle."""
+"""Joints of the camera mount: the firmware's ranges, and the speed that is sent with each angle."""
 _Delta = Annotated[float, Range(-math.tau, math.tau, "rad")]
 POSE = "pose"  # the key of ``robot.state`` under which odometry's last pose is kept
 
 
 class UgvAdapter(Adapter[UgvConfig]):
-    """Drives a base by its wheels, tells where it is, and stops it whatever fails."""
+    """Drives a wheeled base, reports its odometry and battery, and stops it whatever fails."""
 
     Config = UgvConfig
     limits: ClassVar[Limits] = Limits(speed=1.0, yaw_rate=2.0)
@@ -67,7 +67,7 @@ class UgvAdapter(Adapter[UgvConfig]):
             self.failsafe = f"its firmware stops {config.setting.timeout:g} s after the last velocity"
         self._lamps = (0, 0)
         self._camera = (0.0, 0.0)
-        self._led = False  # the camera's joints were led since it was sent anywhere
+        self._led = False  # the camera was moved by joint targets since its last absolute command
         # Where the robot is outlives its cable.
         self._odometry = WheelOdometry(config.scale, config.base.fastest, robot.state.get(POSE))
         self._board: Board
@@ -98,7 +98,7 @@ class UgvAdapter(Adapter[UgvConfig]):
         return await self.robot.enter(simulator.robot(self._spec()))
 
     def _spec(self) -> SimSpec:
-        """Return the simulated base that the link asks for."""
+        """Return the specification of the simulated base in the link's URL."""
         setting = self.config.setting
         return spec_of(self.config.link, ticks=setting.ticks, diameter=setting.diameter)
 
@@ -107,24 +107,24 @@ class UgvAdapter(Adapter[UgvConfig]):
         self._board.drive(velocity)
 
     async def stop(self, reason: str) -> None:  # noqa: ARG002 - whatever the reason, it stands
-        """Stop the wheels and see them stand."""
+        """Stop the wheels and wait until they are seen to stand."""
         self.halt()
         if self._board.serves:
             with contextlib.suppress(TimeoutError):
                 await asyncio.wait_for(self._board.stands.wait(), STANDSTILL)
 
     def halt(self) -> None:
-        """Stop the wheels, and the camera's mount, at once; from any thread."""
+        """Stop the wheels and the camera mount at once; from any thread."""
         self._board.halt()
 
     # -- the camera's joints -------------------------------------------------------------------------
 
     def joint_ranges(self) -> Mapping[str, JointRange]:
-        """Return pan (right positive) and tilt (up positive) of a base with a camera's mount."""
+        """Return pan (right positive) and tilt (up positive) of a base with a camera mount."""
         return MOUNT if self._board.codec.gimbal_stop else {}
 
     def move_joints(self, targets: Mapping[str, float]) -> None:
-        """Turn the mount; the joint that is not named stays where it was sent. Whole degrees are written."""
+        """Turn the mount; a joint that is not named keeps its target. Angles are sent in whole degrees."""
         pan, tilt = self._aimed()
         self._turn_camera(targets.get("pan", pan), targets.get("tilt", tilt))
         self._led = True
@@ -134,7 +134,7 @@ class UgvAdapter(Adapter[UgvConfig]):
         self._board.hold_gimbal()
 
     def _aimed(self) -> tuple[float, float]:
-        """Return from where the mount is turned on: where it was sent, or, once it was led, where it is."""
+        """Return the start of a relative turn: the last commanded angles, or the measured ones."""
         mount = self._board.observer.mount
         return mount if self._led and mount is not None else self._camera
 
@@ -181,7 +181,7 @@ class UgvAdapter(Adapter[UgvConfig]):
         self._set_lamps(level, level)
 
     def _set_lamps(self, chassis: int, camera: int) -> None:
-        """Write both lamps and note them."""
+        """Write both lamp levels and store them."""
         board = self._board
         board.write(board.codec.lights(chassis, camera))
         self._lamps = (chassis, camera)
@@ -232,7 +232,7 @@ class UgvAdapter(Adapter[UgvConfig]):
         self._turn_camera(at[0] + pan, at[1] + tilt)
 
     def _turn_camera(self, pan: float, tilt: float) -> None:
-        """Turn the camera within what the mount can do."""
+        """Turn the camera, within the range of the mount."""
         board = self._board
         camera = (min(max(pan, -math.pi), math.pi), min(max(tilt, -math.pi / 6), math.pi / 2))
         board.write(board.codec.gimbal(round(math.degrees(camera[0])), round(math.degrees(camera[1]))))
@@ -245,7 +245,7 @@ class UgvAdapter(Adapter[UgvConfig]):
         board = self._board
         board.write(board.codec.display(text.splitlines()))
 
-    # -- looking -------------------------------------------------------------------------------------
+    # -- queries -------------------------------------------------------------------------------------
 
     @command("battery_check", moves=False, safe=True, timeout=2.0)
     async def battery_check(self) -> None:
@@ -275,12 +275,12 @@ def _toggled(level: int) -> int:
 
 
 def _first(*values: GivenT | None) -> GivenT | None:
-    """Return the first that is given."""
+    """Return the first value that is not None."""
     return next((value for value in values if value is not None), None)
 
 
 def _pair(values: Sequence[int]) -> tuple[int | None, int | None]:
-    """Return chassis and camera of a list of one or two levels; raises Refused for a longer one."""
+    """Return the chassis and camera levels in a list of one or two; raises Refused for a longer list."""
     if len(values) > 2:
         raise Refused("there are two lamps", hint="a list of two levels at most")
     return (values[0] if values else None, values[-1] if values else None)

@@ -1,4 +1,4 @@
-"""How full a battery is, from its voltage; pure."""
+"""State of charge of a battery from its voltage; pure."""
 
 from __future__ import annotations
 
@@ -20,11 +20,11 @@ THREE_LITHIUM: Curve = (
 """Three lithium cells in series under a light load."""
 
 TEN_LITHIUM: Curve = tuple((volts * 10 / 3, percent) for volts, percent in THREE_LITHIUM)
-"""Ten in series, as in a hoverboard."""
+"""Ten lithium cells in series, as in a hoverboard."""
 
 
 def percent(voltage: float, curve: Curve) -> float:
-    """Return 0 to 100, straight between the points of the curve and flat beyond its ends."""
+    """Return 0 to 100 percent, interpolated linearly between the curve's points and clamped at its ends."""
     for (low, low_percent), (high, high_percent) in pairwise(curve):
         if voltage <= high:
             part = max(0.0, (voltage - low) / (high - low))
@@ -33,7 +33,7 @@ def percent(voltage: float, curve: Curve) -> float:
 
 
 def checked_curve(points: Sequence[tuple[float, float]]) -> Curve:
-    """Return a curve as it is; raises ValueError when it does not rise or leaves 0 to 100 percent."""
+    """Return a valid curve; raises ValueError when it does not rise or leaves 0 to 100 percent."""
     if len(points) < 2:
         raise ValueError("a battery curve needs two points at least")
     if any(low[0] >= high[0] or low[1] > high[1] for low, high in pairwise(points)):

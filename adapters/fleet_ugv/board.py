@@ -1,7 +1,7 @@
-"""One base on one open line: what arrives, what is due, and what is asked of its wheels.
+"""A base on an open line: received events, periodic work, and motion.
 
-Bytes are only decoded as they arrive; the host's wheel does the rest, many times a second. ``halt`` may come
-from any thread.
+The receive callback only decodes bytes; everything else is done in ``turn``, which the host's tick scheduler
+calls many times a second. ``halt`` may be called from any thread.
 """
 
 from __future__ import annotations
@@ -20,10 +20,10 @@ from fleet_ugv.model import Confirmed, Event, Feedback, Trouble
 from fleet_ugv.observer import Observer
 from fleet_ugv.readiness import Readiness
 
-GREETING = 0.5  # s between two greetings of a base that says nothing
-TROUBLE_SHOWN = 30.0  # s that a complaint of the base is told
-INBOX = 1000  # events that may wait for the wheel; more are a base that floods
-STANDS = 0.02  # m/s below which the base stands
+GREETING = 0.5  # s between two greetings of a silent base
+TROUBLE_SHOWN = 30.0  # s for which a fault reported by the base is shown
+INBOX = 1000  # events that may wait for ``turn``; more mean that the base floods the line
+STANDS = 0.02  # m/s below which the base counts as standing
 STANDS_TURNING = 0.1  # rad/s
 
 
@@ -36,7 +36,7 @@ class Inbox:
         self._clock = clock
 
     def arrived(self, data: bytes, _address: Address) -> None:
-        """Take bytes from the line."""
+        """Decode received bytes and queue their events."""
         now, stamp = self._clock.monotonic(), self._clock.time()
         self.events.extend((now, stamp, event) for event in self.codec.feed(data))
 
@@ -88,7 +88,7 @@ class Board:
         self.halt()
 
     def drive(self, velocity: Velocity) -> None:
-        """Hold a body velocity; raises NotReady, or Refused for what the base cannot do."""
+        """Hold a body velocity; raises NotReady, or Refused for motion that the base cannot make."""
         self._require_ready()
         self._motion.drive(self._guarded(velocity))
 
@@ -98,22 +98,22 @@ class Board:
             raise NotReady(self.readiness.refusal, hint="try again in a moment")
 
     def _encode(self, velocity: Velocity) -> Frames:
-        """Return the frame that holds a body velocity; raises Refused."""
+        """Encode a body velocity; raises Refused."""
         return (self.codec.motion(self._kinematics.inverse(velocity)),)
 
     def halt(self) -> None:
-        """Write the stop of wheels and mount at once; from any thread."""
+        """Write the stops of wheels and mount at once; from any thread."""
         self._motion.halt()
         self.hold_gimbal()
 
     def hold_gimbal(self) -> None:
-        """Write what stops the mount where it is, at once; from any thread."""
+        """Write the stop of the mount at once; from any thread."""
         if self.codec.gimbal_stop:
-            with contextlib.suppress(LinkLost):  # which stops at its last target
+            with contextlib.suppress(LinkLost):  # then the mount stops at its last target
                 self._slot.send(self.codec.gimbal_stop)
 
     def write(self, data: bytes) -> None:
-        """Write what moves no wheel; raises NotReady."""
+        """Write a frame that moves no wheel; raises NotReady."""
         self._require_ready()
         try:
             self._slot.send(data)
@@ -121,12 +121,12 @@ class Board:
             raise NotReady(str(error), hint="the line is being opened again") from error
 
     def metrics(self) -> None:
-        """Report the numbers for people."""
+        """Report the metrics."""
         stamp = self._robot.clock.time()
         self._robot.report(self.observer.metrics(stamp, self._errors()))
 
     def turn(self) -> None:
-        """Do what is due; raises LinkLost for a base that has been silent for too long."""
+        """Handle events and due work; raises LinkLost when the base has been silent for too long."""
         now = self._robot.clock.monotonic()
         while self._inbox:
             at, stamp, event = self._inbox.popleft()
@@ -137,7 +137,7 @@ class Board:
             self.metrics()
 
     def _take(self, event: Event, at: float, stamp: float) -> None:
-        """Take one event."""
+        """Handle one event."""
         match event:
             case Feedback():
                 self._feedback(event, at, stamp)
@@ -149,7 +149,7 @@ class Board:
                 self._troubles[event.text] = at
 
     def _feedback(self, feedback: Feedback, at: float, stamp: float) -> None:
-        """Take a measurement, report it, and set the board up when it is new or was restarted."""
+        """Handle a measurement: report it, and set up a board that is new or was restarted."""
         step = self.observer.take(feedback, at)
         restarted = step is not None and step.restarted
         if restarted:
@@ -164,7 +164,7 @@ class Board:
             self._robot.report(report)
 
     def _look(self, now: float) -> None:
-        """Notice silence, and a setup that was not taken; tell how the way to the robot is."""
+        """Detect silence and an unconfirmed setup, and report the health of the link."""
         before = self.readiness.phase
         if self.readiness.lost(now):
             raise LinkLost(
@@ -178,12 +178,12 @@ class Board:
         self._robot.health(self.readiness.health)
 
     def _set_up(self) -> None:
-        """Tell the board how to behave; whatever moved it is over."""
+        """Write the settings to the board; any motion ends with it."""
         self.halt()
         self._slot.send(self.codec.setup())
 
     def _keep(self, now: float) -> None:
-        """Write the question and the motion that are due."""
+        """Write the poll and the motion that are due."""
         if self._profile.poll:
             self._ask(now, self._profile.poll, self.codec.poll)
         elif self.readiness.unheard:
@@ -191,13 +191,13 @@ class Board:
         self._motion.look()
 
     def _ask(self, now: float, every: float, question: Callable[[], bytes]) -> None:
-        """Write a question when it is due."""
+        """Write a poll when it is due."""
         if now - self._asked >= every - LOOK / 2:
             self._asked = now
             self._slot.send(question())
 
     def _guarded(self, velocity: Velocity) -> Velocity:
-        """Return a velocity that is slow enough for a base whose own stop is not sure."""
+        """Return the velocity, limited when the base's own dead-man is not confirmed."""
         allowed, fastest = self._config.unguarded_speed, self._kinematics.fastest_wheel(velocity)
         if self.readiness.health.cause == "" or fastest <= allowed:
             return velocity
@@ -205,7 +205,7 @@ class Board:
         return Velocity(Vector3(velocity.linear.x * scale), velocity.yaw_rate * scale)
 
     def _errors(self) -> tuple[dict[str, object], ...]:
-        """Return what the base complained of lately, and what the line spoiled."""
+        """Return recent faults reported by the base, and corrupted input of the line."""
         now = self._robot.clock.monotonic()
         self._troubles = {text: at for text, at in self._troubles.items() if now - at < TROUBLE_SHOWN}
         errors: list[dict[str, object]] = [{"code": "base", "message": text} for text in self._troubles]

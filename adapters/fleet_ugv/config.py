@@ -1,4 +1,4 @@
-"""What fleet.yaml says of a wheeled robot."""
+"""Config model of a wheeled robot in fleet.yaml."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ MODULES = {"none": 0, "arm": 1, "pan-tilt": 2}
 
 
 def _checked_link(text: str) -> str:
-    """Return a good link; raises ValueError, which pydantic tells with its place."""
+    """Return a valid link; raises ValueError, which pydantic reports with its position."""
     kind, _, rest = text.partition(":")
     if kind == "sim":
         if rest.partition("?")[0] not in BOARDS:
@@ -38,7 +38,7 @@ def _checked_link(text: str) -> str:
 
 
 def _possible_factor(factor: float) -> float:
-    """Return a factor that a base can have; raises ValueError, which pydantic tells with its place."""
+    """Return a plausible factor; raises ValueError, which pydantic reports with its position."""
     if not 0.1 <= abs(factor) <= 10.0:
         raise ValueError("a factor is 0.1 to 10, or -10 to -0.1")
     return factor
@@ -48,7 +48,7 @@ Factor = Annotated[float, AfterValidator(_possible_factor)]
 
 
 class Calibration(Model):
-    """What was measured on this very robot; ``fleet calibrate`` writes it."""
+    """Calibration measured on this individual robot; written by ``fleet calibrate``."""
 
     track: Positive | None = Field(None, description="Effective track, m: what makes a turn a turn.")
     left: Factor = Field(
@@ -59,7 +59,7 @@ class Calibration(Model):
 
 
 class SteeringConfig(Model):
-    """Front wheels that a servo steers (profile ros-arduino)."""
+    """Front wheels steered by a servo (profile ros-arduino)."""
 
     wheelbase: Positive = Field(description="Between the axles, m.")
     sharpest: float = Field(0.5, gt=0, lt=1.4, description="Largest angle of the front wheels, rad.")
@@ -98,13 +98,13 @@ class UgvConfig(AdapterConfig):
     camera: CameraText | None = Field(None, description="Where take_photo gets a JPEG picture.")
 
     def identity(self) -> str | None:
-        """Return what makes this the same machine as another entry: its link, whatever the speed."""
+        """Return the identity of the machine, to find duplicate entries: its link, without the baud rate."""
         return None if self.link.startswith("sim:") else self.link.partition("?")[0]
 
     @field_validator("profile")
     @classmethod
     def _known(cls, profile: str) -> str:
-        """Return the profile; raises ValueError for one that there is not."""
+        """Return the profile; raises ValueError for an unknown one."""
         known = cls.profiles()
         if profile not in known:
             raise ValueError(f"there is no profile {profile!r}; there are {', '.join(known)}")
@@ -112,7 +112,7 @@ class UgvConfig(AdapterConfig):
 
     @model_validator(mode="after")
     def _possible(self) -> UgvConfig:
-        """Check what belongs together; raises ValueError."""
+        """Check combinations of fields; raises ValueError."""
         if self.steering is not None and self.profile != "ros-arduino":
             raise ValueError(f"steering: the profile {self.profile} steers by its wheels")
         if self.battery is not None:
@@ -132,7 +132,7 @@ class UgvConfig(AdapterConfig):
 
     @property
     def setting(self) -> CodecSettings:
-        """What its codec is made from."""
+        """Settings for its codec."""
         steers = self.steering
         return CodecSettings(
             timeout=self.firmware_timeout,
@@ -149,7 +149,7 @@ class UgvConfig(AdapterConfig):
 
     @property
     def kinematics(self) -> Kinematics:
-        """How its wheels make it move."""
+        """Kinematics of its wheels."""
         left, right = abs(self.calibration.left), abs(self.calibration.right)  # the sign is the counter's
         steers = self.steering
         if steers is not None:
@@ -158,7 +158,7 @@ class UgvConfig(AdapterConfig):
 
     @property
     def scale(self) -> Scale:
-        """How its counters and its gyro are read."""
+        """Scale of its counters and its gyro."""
         given = self.calibration
         wrap = None if self.base.counter is None else self.base.counter / self.setting.ticks
         return Scale(self.track, given.left, given.right, given.gyro, wrap)

@@ -1,6 +1,6 @@
-"""From a body velocity to wheels and back; pure. Inside the limits, forward undoes inverse.
+"""Kinematics: body velocity to wheel speeds and back; pure. Within the limits, forward inverts inverse.
 
-Beyond a limit, both wheels are scaled together, so that the robot keeps to its curve and only slows down.
+Beyond a limit, both wheels are scaled together, so that the robot follows the same curve, only slower.
 """
 
 from __future__ import annotations
@@ -16,10 +16,10 @@ STILL = 1e-6  # m/s and rad/s below which nothing is asked
 
 
 class Differential(msgspec.Struct, frozen=True):
-    """Two driven sides. ``track`` is the effective one (m), wider than the drawing's on a skid-steer base.
+    """Two driven sides. ``track`` is the effective one (m), wider than the geometric one when skid-steered.
 
-    ``fastest``: the most that one side is told, m/s. ``left`` and ``right``: metres that a side goes when it
-    is told one.
+    ``fastest``: largest commanded speed of a side, m/s. ``left`` and ``right``: metres that a side moves per
+    commanded metre.
     """
 
     track: float
@@ -35,7 +35,7 @@ class Differential(msgspec.Struct, frozen=True):
         return Wheels(left * scale, right * scale)
 
     def fastest_wheel(self, velocity: Velocity) -> float:
-        """Return how fast (m/s over the ground) the faster side goes: a turn on the spot counts as well."""
+        """Return the ground speed of the faster side, m/s; also for a turn on the spot."""
         return abs(velocity.linear.x) + abs(velocity.yaw_rate) * self.track / 2
 
     def forward(self, motion: Motion) -> Velocity:
@@ -48,8 +48,8 @@ class Differential(msgspec.Struct, frozen=True):
 class Ackermann(msgspec.Struct, frozen=True):
     """A driven rear axle and steered front wheels.
 
-    ``wheelbase``: m between the axles; ``sharpest``: rad to either side; ``fastest``: the most that it is
-    told, m/s; ``scale``: metres that it goes when it is told one.
+    ``wheelbase``: m between the axles; ``sharpest``: largest steering angle, rad to either side; ``fastest``:
+    largest commanded speed, m/s; ``scale``: metres that it moves per commanded metre.
     """
 
     wheelbase: float
@@ -62,9 +62,9 @@ class Ackermann(msgspec.Struct, frozen=True):
         return abs(yaw_rate) * self.wheelbase / math.tan(self.sharpest)
 
     def inverse(self, velocity: Velocity) -> Steering:
-        """Return speed and steering; a curve that is too tight becomes the tightest.
+        """Return speed and steering; a curve that is too tight becomes the tightest possible one.
 
-        Raises Refused for a turn on the spot, which such a robot cannot make.
+        Raises Refused for a turn on the spot, which this kind of robot cannot make.
         """
         speed, yaw_rate = velocity.linear.x, velocity.yaw_rate
         if abs(speed) < STILL:
@@ -76,7 +76,7 @@ class Ackermann(msgspec.Struct, frozen=True):
         return Steering(min(max(speed / self.scale, -self.fastest), self.fastest), angle)
 
     def fastest_wheel(self, velocity: Velocity) -> float:
-        """Return how fast (m/s) the driven axle goes."""
+        """Return the speed of the driven axle, m/s."""
         return abs(velocity.linear.x)
 
     def forward(self, motion: Motion) -> Velocity:

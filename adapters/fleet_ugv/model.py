@@ -1,6 +1,6 @@
-"""The values between a codec and the rest: what is asked of the wheels, and what a base says.
+"""Values between a codec and the adapter: wheel commands, and feedback of a base.
 
-Metres, radians, seconds, volts; x forward, yaw counter-clockwise. None: the base does not say it.
+Metres, radians, seconds, volts; x forward, yaw counter-clockwise. None: the base does not report the value.
 """
 
 from __future__ import annotations
@@ -30,8 +30,8 @@ Motion = Wheels | Steering
 class Feedback(msgspec.Struct, frozen=True):
     """One round of measurements.
 
-    ``distances``: what the left and the right side have covered since the board started, m, positive or
-    negative; ``speeds``: m/s. ``yaw``: the base's own heading, rad. ``pan`` and ``tilt``: the camera's, rad.
+    ``distances``: signed distances of the left and the right side since the board started, m; ``speeds``:
+    m/s. ``yaw``: the base's own heading, rad. ``pan`` and ``tilt``: the camera's angles, rad.
     """
 
     distances: tuple[float, float] | None = None
@@ -46,11 +46,11 @@ class Feedback(msgspec.Struct, frozen=True):
 
 
 class Confirmed(msgspec.Struct, frozen=True):
-    """The board was seen to have taken its dead-man's time."""
+    """The board has confirmed its dead-man's time."""
 
 
 class Trouble(msgspec.Struct, frozen=True):
-    """Something the base complains about, in words."""
+    """A fault reported by the base, in words."""
 
     text: str
 

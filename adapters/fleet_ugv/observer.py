@@ -1,4 +1,4 @@
-"""From a base's feedback to reports; pure but for the state of the odometry."""
+"""Converts a base's feedback to reports; pure except for the state of the odometry."""
 
 from __future__ import annotations
 
@@ -18,9 +18,9 @@ METRICS_EVERY = 1.0  # s
 
 
 class Observer:
-    """What is known of one base.
+    """Known state of one base.
 
-    ``camera``: where the mount was last sent (pan, tilt), rad; ``mount``: where it was measured.
+    ``camera``: last commanded angles of the mount (pan, tilt), rad; ``mount``: measured angles.
     """
 
     def __init__(self, config: UgvConfig, odometry: WheelOdometry) -> None:
@@ -47,7 +47,7 @@ class Observer:
         return step
 
     def reports(self, feedback: Feedback, now: float, stamp: float) -> Iterator[Report]:
-        """Yield what is to be told of a feedback that was taken."""
+        """Yield the reports that are due after a feedback."""
         pose = self.odometry.pose
         yield PoseReport(stamp, pose.position, pose.rotation)
         if self._is_due("joints", now, JOINTS_EVERY):
@@ -59,12 +59,12 @@ class Observer:
             yield self.battery(stamp)
 
     def battery(self, stamp: float) -> BatteryReport:
-        """Return how full the battery is, as far as that is known."""
+        """Return the battery report, with the values that are known."""
         full = percent(self.voltage, self._curve) if self.voltage is not None and self._curve else None
         return BatteryReport(stamp, percent=full, voltage=self.voltage)
 
     def metrics(self, stamp: float, errors: tuple[dict[str, object], ...]) -> MetricsReport:
-        """Return the numbers for people."""
+        """Return the metrics report."""
         odometry, battery = self.odometry, self.battery(stamp)
         power = {
             "battery_percent": battery.percent,
@@ -85,7 +85,7 @@ class Observer:
         return self._is_due("metrics", now, METRICS_EVERY)
 
     def _joints(self, feedback: Feedback, stamp: float) -> JointReport:
-        """Return the wheels and the camera's mount; where it is told, measured, else where it was sent."""
+        """Return the joints of wheels and mount; the mount's measured angles, else the commanded ones."""
         left, right = self.odometry.travelled
         positions = {"left_wheel": left / self._radius, "right_wheel": right / self._radius}
         velocities = {}

@@ -1,7 +1,7 @@
-"""Where a base is, from its counters and its gyro; pure.
+"""Odometry of a base, from its counters and its gyro; pure.
 
-Distance comes from the counters (or the speeds, where there are none), heading from the gyro, because one
-step of a coarse counter on one side is degrees of heading. The gyro's bias is learned while the base stands.
+Distance comes from the counters (or the speeds, without counters), heading from the gyro, because one step
+of a coarse counter on one side amounts to degrees of heading. The gyro's bias is learned at standstill.
 """
 
 from __future__ import annotations
@@ -14,21 +14,21 @@ from fleet import Pose, Vector3, quaternion_from_yaw
 from fleet.model.geometry import wrap_angle
 from fleet_ugv.model import Feedback
 
-GAP = 1.0  # s without feedback after which what happened meanwhile is unknown
-SPARE = 0.05  # m that a counter may jump beyond what the wheels can do: its own steps
-FRESH = 0.3  # m; counters below this, after larger ones, began anew
+GAP = 1.0  # s without feedback after which the motion in between counts as unknown
+SPARE = 0.05  # m by which a counter may exceed the wheels' top speed: its own step size
+FRESH = 0.3  # m; counters that fall below this were reset
 STANDS_AFTER = 0.5  # s without a step of a counter until the base counts as standing
-TURNED_BY_HAND = 0.05  # rad/s that a standing base must turn until it counts
+TURNED_BY_HAND = 0.05  # rad/s above which the rotation of a standing base is no longer taken for gyro bias
 LEARN = 0.02  # share of the bias that one measurement at standstill replaces
 DRIFT = 0.003  # rad/s of heading that becomes uncertain with a gyro
 SLIP = 0.03  # share of the distance that becomes uncertain
-SLIP_TURN = 0.15  # share of a turn that becomes uncertain when only the wheels tell it
+SLIP_TURN = 0.15  # share of a turn that becomes uncertain when only the wheels measure it
 
 
 class Scale(msgspec.Struct, frozen=True):
-    """What calibration found: metres per told metre of each side, effective track (m), gyro's factor.
+    """Calibration: true metres per reported metre of each side, effective track (m), factor of the gyro.
 
-    ``wrap``: metres after which the counters begin anew, None when they do not.
+    ``wrap``: metres at which the counters wrap around, None when they do not.
     """
 
     track: float
@@ -39,7 +39,7 @@ class Scale(msgspec.Struct, frozen=True):
 
 
 class Step(msgspec.Struct, frozen=True):
-    """What one feedback added: m/s, rad/s. ``restarted``: the counters began anew, so the board did."""
+    """Motion measured by one feedback: m/s, rad/s. ``restarted``: the counters, so the board, were reset."""
 
     speed: float
     yaw_rate: float
@@ -47,9 +47,9 @@ class Step(msgspec.Struct, frozen=True):
 
 
 class WheelOdometry:
-    """The pose of one base; ``fastest``: the most that one side can do, m/s.
+    """Pose estimate of one base; ``fastest``: top speed of a side, m/s.
 
-    ``position_sigma`` (m) and ``heading_sigma`` (rad) grow with the way.
+    ``position_sigma`` (m) and ``heading_sigma`` (rad) grow with the distance.
     """
 
     def __init__(self, scale: Scale, fastest: float, start: Pose | None = None) -> None:
@@ -83,18 +83,18 @@ class WheelOdometry:
         return math.sqrt(self._heading_variance)
 
     def level(self, rate: float) -> float:
-        """Return the yaw rate (rad/s) of a gyro's, as calibrated and without what it says at rest."""
+        """Return the yaw rate (rad/s) for a measured one, calibrated and without bias."""
         return rate * self._scale.gyro - self.bias
 
     def scaled(self, sides: tuple[float, float]) -> tuple[float, float]:
-        """Return in metres, or m/s, what the two sides tell."""
+        """Return calibrated values of the two sides, m or m/s."""
         return sides[0] * self._scale.left, sides[1] * self._scale.right
 
     def update(self, feedback: Feedback, now: float) -> Step | None:
-        """Take a feedback measured at ``now`` (monotonic s); None when nothing can be said about the way.
+        """Take a feedback measured at ``now`` (monotonic s); None when it gives no motion.
 
-        A jump that no wheel can make is left out: it is a spoiled line, or it was heard late. The next one
-        counts from before it, so that the way is not lost.
+        A jump that is too fast for the wheels is skipped: the line was corrupted, or the feedback was late.
+        The next feedback is compared with the one before the jump, so that no distance is lost.
         """
         last, elapsed = self._last, now - self._last_at
         if last is None or elapsed > GAP:
@@ -116,13 +116,13 @@ class WheelOdometry:
         return Step(0.0, 0.0, restarted)
 
     def _step(self, sides: tuple[float, float], turned: float, elapsed: float, feedback: Feedback) -> Step:
-        """Return the speeds; the told ones, where there are, are finer than the counters' steps."""
+        """Return the speeds; reported ones, if any, because they are finer than the counters' steps."""
         if feedback.speeds is None:
             return Step((sides[0] + sides[1]) / 2 / elapsed, turned / elapsed)
         return Step(sum(self.scaled(feedback.speeds)) / 2, turned / elapsed)
 
     def _sides(self, last: Feedback, now: Feedback, elapsed: float) -> tuple[float, float] | None:
-        """Return the metres that each side went, None for a jump that no wheel can make."""
+        """Return the distance of each side, m; None for a jump that is too fast for the wheels."""
         scale = self._scale
         if last.distances is not None and now.distances is not None:
             deltas = [
@@ -140,7 +140,7 @@ class WheelOdometry:
     def _turned(
         self, sides: tuple[float, float], last: Feedback, now: Feedback, at: float, elapsed: float
     ) -> float:
-        """Return the change of heading, from the best that the base tells."""
+        """Return the change of heading (rad), from the best source that the base has."""
         rate = _gyro(now)
         if rate is not None:
             return self._by_gyro(rate, elapsed, at, now)
@@ -149,17 +149,17 @@ class WheelOdometry:
         return (sides[1] - sides[0]) / self._scale.track
 
     def _by_gyro(self, rate: float, elapsed: float, at: float, now: Feedback) -> float:
-        """Return the change of heading by the gyro; a standing base teaches its bias."""
+        """Return the change of heading (rad) by the gyro; at standstill, learn its bias."""
         stands = at - self._stepped_at > STANDS_AFTER and _still(now)
         off = self.level(rate)
         if stands and abs(off) < TURNED_BY_HAND:
             self._lessons += 1
-            self.bias += max(LEARN, 1 / self._lessons) * off  # the first ones are averaged
+            self.bias += max(LEARN, 1 / self._lessons) * off  # the first measurements are averaged
             return 0.0
         return off * elapsed
 
     def _move(self, distance: float, turned: float, elapsed: float, *, by_gyro: bool) -> None:
-        """Go on by the chord of an arc, and grow the doubt."""
+        """Advance the pose by the chord of an arc, and increase the uncertainty."""
         middle = self.yaw + turned / 2
         self.x += distance * math.cos(middle)
         self.y += distance * math.sin(middle)
@@ -170,17 +170,17 @@ class WheelOdometry:
 
 
 def _gyro(feedback: Feedback) -> float | None:
-    """Return the yaw rate as it was measured, rad/s."""
+    """Return the raw yaw rate, rad/s."""
     return None if feedback.gyro is None else feedback.gyro.z
 
 
 def _still(feedback: Feedback) -> bool:
-    """Return True when the base says that its wheels stand, or says nothing of speeds."""
+    """Return True when the base reports that its wheels stand, or reports no speeds."""
     return feedback.speeds is None or max(map(abs, feedback.speeds)) < 0.005
 
 
 def _began_anew(last: Feedback, now: Feedback) -> bool:
-    """Return True when both counters fell back to about nothing."""
+    """Return True when both counters fell back to about zero."""
     if last.distances is None or now.distances is None:
         return False
     small = max(map(abs, now.distances)) <= FRESH

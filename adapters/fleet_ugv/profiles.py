@@ -1,7 +1,7 @@
-"""The bases that are known, as data. A fourth is one more entry and a codec.
+"""Profiles of the known bases, as data. A further base needs one more entry and, if necessary, a codec.
 
 Wheel and track of Waveshare's boards are those of their firmware. The effective track of a tracked base is
-wider than the drawing's: calibrate it.
+wider than the geometric one: calibrate it.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from fleet_ugv.codecs.waveshare import WaveshareCodec
 
 
 class CodecSettings(msgspec.Struct, frozen=True):
-    """What a codec is made from: the profile's numbers, after the robot's own."""
+    """Parameters of a codec: those of the profile, overridden by the robot's own."""
 
     timeout: float
     module: int
@@ -32,11 +32,11 @@ class CodecSettings(msgspec.Struct, frozen=True):
 class BaseProfile(msgspec.Struct, frozen=True):
     """One kind of base.
 
-    ``baud``; ``track`` and ``diameter`` (of the wheels) in m; ``fastest``: of one side, m/s;
-    ``timeout``: of the firmware's dead-man, s, None when it has none; ``settable``: we set it and see that it
-    was taken. ``poll``: s between questions, 0 for a base that streams. ``keep``: s between two frames that
-    hold a velocity; ``idle``: zeros are sent at rest as well. ``ticks`` a metre, and how many of them the
-    counters hold until they begin anew.
+    ``baud``; ``track`` and ``diameter`` (of the wheels) in m; ``fastest``: top speed of a side, m/s;
+    ``timeout``: of the firmware's dead-man, s, None when it has none; ``settable``: it is set by us, and the
+    board confirms it. ``poll``: s between requests, 0 for a base that streams. ``keep``: s between two frames
+    that hold a velocity; ``idle``: zeros are also sent at rest. ``ticks`` per metre, and the number of ticks
+    at which the counters wrap around.
     """
 
     codec: Callable[[CodecSettings], Codec]

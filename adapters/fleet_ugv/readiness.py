@@ -1,13 +1,13 @@
-"""Whether a board may be driven: heard, set up, its own dead-man confirmed; pure.
+"""Readiness of a board to be driven: heard, set up, its own dead-man confirmed; pure.
 
 ==========  =====================================  ==========================================
-phase       what it means                          what leads on
+phase       meaning                                next
 ==========  =====================================  ==========================================
 silent      the line is open, nothing was heard    feedback: setup
-setup       it was told how to behave              confirmed: ready; no answer: asked again,
-                                                   after three times unguarded
+setup       its settings were written              confirmed: ready; no answer: again,
+                                                   after three times: unguarded
 ready       it may be driven
-unguarded   its own stop is not sure               driven slowly
+unguarded   its own dead-man is not confirmed      it is driven slowly
 quiet       no feedback for a second               feedback: setup; three seconds: lost
 ==========  =====================================  ==========================================
 """
@@ -20,12 +20,12 @@ from fleet import Health, Level
 
 QUIET_AFTER = 0.9  # s without feedback until the base counts as quiet
 LOST_AFTER = 2.7  # s without feedback until the link counts as lost
-ANSWER = 1.0  # s that the board has to confirm
+ANSWER = 1.0  # s within which the board must confirm
 TRIES = 3
 
 
 class BoardPhase(enum.StrEnum):
-    """Where a board stands."""
+    """Phase of a board."""
 
     SILENT = "silent"
     SETUP = "setup"
@@ -51,7 +51,7 @@ _WHY = {
 
 
 class Readiness:
-    """The phase of one opened line; ``confirms``: the board tells that it took its dead-man's time.
+    """State machine of one opened line; ``confirms``: the board confirms its dead-man's time.
 
     ``guarded``: it has a dead-man at all. ``now`` is monotonic seconds.
     """
@@ -66,17 +66,17 @@ class Readiness:
 
     @property
     def refusal(self) -> str:
-        """Why it must not be driven, empty when it may."""
+        """Why the board must not be driven; empty when it may."""
         return _WHY.get(self.phase, "")
 
     @property
     def unheard(self) -> bool:
-        """True for a base that says nothing, or nothing any more."""
+        """True for a base that is silent, or has become so."""
         return self.phase in {BoardPhase.SILENT, BoardPhase.QUIET}
 
     @property
     def health(self) -> Health:
-        """How the way to the robot is."""
+        """Health of the link to the robot."""
         return HEALTH[self.phase]
 
     def quiet_for(self, now: float) -> float:
@@ -84,7 +84,7 @@ class Readiness:
         return now - self._heard
 
     def opened(self, now: float) -> None:
-        """Count the silence from now: the line is open, which takes time (a simulator starts first)."""
+        """Measure silence from now on: opening takes time (a simulator starts first)."""
         self._heard = now
 
     def lost(self, now: float) -> bool:
@@ -92,7 +92,7 @@ class Readiness:
         return self.quiet_for(now) > LOST_AFTER
 
     def heard(self, now: float, *, restarted: bool) -> bool:
-        """Take a feedback; True when the board is to be set up now."""
+        """Note a feedback; return True when the board must be set up now."""
         self._heard = now
         if self.unheard or restarted:
             self._tries = 0
@@ -101,12 +101,12 @@ class Readiness:
         return False
 
     def confirmed(self) -> None:
-        """Take the board's confirmation."""
+        """Note the board's confirmation."""
         if self.phase in {BoardPhase.SETUP, BoardPhase.UNGUARDED}:
             self.phase = BoardPhase.READY if self._guarded else BoardPhase.UNGUARDED
 
     def look(self, now: float) -> bool:
-        """Let time pass; True when the board is to be set up again."""
+        """Check the time-outs; return True when the board must be set up again."""
         if self.phase is not BoardPhase.SILENT and self.quiet_for(now) > QUIET_AFTER:
             self.phase = BoardPhase.QUIET
         if self.phase is not BoardPhase.SETUP or now - self._asked < ANSWER:
@@ -118,7 +118,7 @@ class Readiness:
         return True
 
     def _ask(self, now: float) -> None:
-        """Note that the board is set up now."""
+        """Note that the settings are written now."""
         self.phase = BoardPhase.SETUP
         self._asked = now
         self._tries += 1

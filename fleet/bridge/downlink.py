@@ -267,7 +267,7 @@ class Downlink:
         if asked.stops:
             asked(lambda reply: self._denied.append((due, answer, reply)))
             return
-        why = f"edge {holder} has its twin; this edge suffixes the robot to it"
+        why = f"edge {holder} has its twin; this edge leaves the robot to it"
         self._denied.append((due, answer, Reply(route.kind, ReplyStatus.REJECTED, why)))
 
     def deny(self) -> None:

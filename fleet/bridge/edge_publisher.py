@@ -20,7 +20,7 @@ from fleet.wire.topics import Topics
 class EdgePublisher:
     """Says it on the topics of twins; ``publish`` is the client's, ``session`` stands on every message.
 
-    ``said`` counts the messages. What is queued only suffixes when the client is flushed.
+    ``said`` counts the messages. Queued messages are sent when the client is flushed.
     """
 
     def __init__(

@@ -1,9 +1,8 @@
-"""What each identity may do on the bus, as Zenoh's access control wants to hear it.
+"""Access rules of the bus, per identity, in the form of Zenoh's access control.
 
-An identity is the common name of a certificate. Everything is refused that is not written here. The rules
-stand for as long as a session lives, so they name keys by pattern and no robot: one that is added needs no
-new rules. Programs on this computer come by Unix sockets, which are their user's alone, and may do
-everything.
+An identity is the common name of a certificate. Anything not allowed here is refused. The rules are fixed
+for the lifetime of a session, so they use key patterns and name no robot: adding a robot needs no new rules.
+Programs on this computer connect through Unix sockets, which only their user can open, and may do everything.
 """
 
 from __future__ import annotations
@@ -32,8 +31,7 @@ PROGRAM_CHANNELS = (
     "webrtc_candidate",
     "webrtc_offer",
 )
-"""What a program says of a twin: what it found with its sensors, and velocities. A robot's own state is not
-among it."""
+"""Channels that a program may write: sensor data, results and velocities, but not a robot's own state."""
 
 _REPORTS = "cw/*/data/**"
 _STOP = "fleet/*/stop"
@@ -48,10 +46,10 @@ _ALL = (*_SAY, "query", *_ANSWER, "liveliness_token", *_LISTEN)
 
 
 class Access(msgspec.Struct, frozen=True):
-    """Who may do what on an edge's bus: a role by common name.
+    """Access settings of an edge's bus: the role of each common name.
 
-    ``twins`` are the edge's own, of which other edges say nothing; ``channels`` those that programs may use
-    besides ``PROGRAM_CHANNELS``.
+    ``twins`` are the edge's own, about which other edges may not publish; ``channels`` are those that
+    programs may write in addition to ``PROGRAM_CHANNELS``.
     """
 
     roles: Mapping[str, Role]
@@ -60,7 +58,7 @@ class Access(msgspec.Struct, frozen=True):
 
 
 class _Rule(msgspec.Struct, frozen=True):
-    """Messages that may, or must not, come in on some keys."""
+    """One rule: kinds of messages that are allowed or denied on some keys."""
 
     messages: tuple[str, ...]
     keys: tuple[str, ...]
@@ -68,7 +66,7 @@ class _Rule(msgspec.Struct, frozen=True):
     flow: Literal["ingress", "egress"] = "ingress"
 
     def as_zenoh(self, name: str) -> dict[str, object]:
-        """Return the rule in Zenoh's words."""
+        """Return the rule in the form of Zenoh's configuration."""
         return {
             "id": name,
             "messages": list(self.messages),
@@ -83,17 +81,17 @@ _COMMON = (
     _Rule(_LISTEN, ("**",)),
     _Rule(("query",), ("fleet/*/robots/*/state", _DESCRIPTION, "fleet/*/health", _REPORTS)),
 )
-"""Everybody with a role hears everything and asks how things are."""
+"""Rules of every role: subscribe to everything, and query states."""
 
 _STOPS = (
     _Rule(("put", "query"), (_STOP,)),
     _Rule(("reply", "declare_subscriber", "declare_queryable"), (_STOP,), flow="egress"),
 )
-"""Whoever shows a certificate of the site may stop (ADR 0010), role or none."""
+"""Rules of every valid certificate, with or without a role: it may stop (ADR 0010)."""
 
 
 def rules_of(role: Role, name: str, edge: str, access: Access) -> tuple[_Rule, ...]:
-    """Return what one identity may do on the bus of an edge besides what all may."""
+    """Return the rules of one identity on the bus of an edge, in addition to the common ones."""
     if role == "router":
         return (_Rule(_ALL, ("**",)),)
     if role == "console":
@@ -118,7 +116,7 @@ def rules_of(role: Role, name: str, edge: str, access: Access) -> tuple[_Rule, .
 
 
 def _worker_rules(name: str, edge: str) -> tuple[_Rule, ...]:
-    """Return what a worker of this edge may do: what is its robots', and its own beat."""
+    """Return the rules of a worker of this edge: the keys of its robots, and its own heartbeat."""
     robots, own = f"fleet/{edge}/robots/*", f"fleet/{edge}/workers/{name}"
     return (
         _Rule(("liveliness_token",), (own, robots, f"fleet/{edge}/claims/*/*")),
@@ -126,7 +124,7 @@ def _worker_rules(name: str, edge: str) -> tuple[_Rule, ...]:
         _Rule(("query",), (f"{robots}/video",)),
         _Rule(_ANSWER, (f"{robots}/command", f"{robots}/state", f"fleet/{edge}/stop", _REPORTS)),
         _Rule(_ANSWER, (f"{robots}/description", f"fleet/{edge}/history")),
-        _Rule(_ANSWER, (f"{robots}/prepare", f"fleet/{edge}/starts")),
+        _Rule(_ANSWER, (f"{robots}/prepare", f"fleet/{edge}/starts", f"{own}/reload")),
         _Rule((*_SAY, *_ANSWER), ("cw/*/data/commands/**",), "deny"),
     )
 
@@ -134,8 +132,8 @@ def _worker_rules(name: str, edge: str) -> tuple[_Rule, ...]:
 def access_control(access: Access, edge: str, protocols: Iterable[str]) -> dict[str, object]:
     """Return Zenoh's access control for both sessions of an edge that speaks these protocols.
 
-    Who comes by a protocol that shows no certificate may do everything: fleet.yaml has let it in by a
-    password, or in so many words.
+    A peer on a protocol without certificates may do everything: fleet.yaml admits it by a password or
+    explicitly.
     """
     trusted = sorted(set(protocols) - _BY_CERTIFICATE)
     certified = sorted(_BY_CERTIFICATE)

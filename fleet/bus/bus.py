@@ -20,7 +20,7 @@ from fleet.errors import BusError
 
 
 class Bus:
-    """Two lanes that share nothing but the process; ``connect`` is where they are to join others."""
+    """The two sessions of a process; ``connect`` are the endpoints of others that they are to join."""
 
     def __init__(self, reports: ZenohSession, control: ZenohSession, connect: tuple[str, ...] = ()) -> None:
         self.reports = reports
@@ -29,19 +29,19 @@ class Bus:
 
     @property
     def problem(self) -> str:
-        """What keeps us from others whom we are to join; empty when nothing does."""
+        """Why an endpoint in ``connect`` is not joined; empty when all are."""
         reached = {_place(endpoint) for endpoint in self.reports.reached()} if self._connect else set()
         missing = [endpoint for endpoint in self._connect if _place(endpoint) not in reached]
         return _shut_out(missing) if missing else ""
 
     def close(self) -> None:
-        """Leave the bus."""
+        """Close both sessions."""
         self.control.close()
         self.reports.close()
 
 
 def open_edge(settings: BusSettings, directory: Path) -> Bus:
-    """Open the bus of an edge, listening; raises BusError (an edge of this id runs already, port taken)."""
+    """Open the bus of an edge, listening; raises BusError (edge id already running, port in use)."""
     if is_running(settings.edge, directory):
         raise BusError(
             f"edge {settings.edge!r} runs already on this machine (fleet ps); stop it, or change edge.id"
@@ -55,7 +55,7 @@ def open_edge(settings: BusSettings, directory: Path) -> Bus:
 
 
 def _listening(settings: BusSettings, directory: Path, users: Path | None) -> Bus:
-    """Open both lanes, listening on the sockets too; those of an edge that died are Zenoh's to clear away."""
+    """Open both sessions, listening on the sockets too; Zenoh removes the sockets of an edge that died."""
     reports_socket = socket_path(settings.edge, "reports", directory)
     control_socket = socket_path(settings.edge, "control", directory)
     # A client cannot listen, so an edge that joins a router opens peers that connect to it.
@@ -86,9 +86,9 @@ def _listening(settings: BusSettings, directory: Path, users: Path | None) -> Bu
 
 
 def _keep_locks(directory: Path) -> None:
-    """Keep Zenoh's lock files from our child processes: one that outlives us would keep the next edge out."""
+    """Make Zenoh's lock files non-inheritable: a child that outlives us would lock out the next edge."""
     for link in Path("/proc/self/fd").glob("*"):
-        with contextlib.suppress(OSError):  # closed meanwhile
+        with contextlib.suppress(OSError):  # the descriptor was closed meanwhile
             if link.readlink().is_relative_to(directory) and link.readlink().suffix == ".lock":
                 os.set_inheritable(int(link.name), False)
 
@@ -110,7 +110,7 @@ def join_control(settings: BusSettings, directory: Path) -> ZenohSession:
 
 
 def _join(settings: BusSettings, bus_session: str, directory: Path) -> ZenohSession:
-    """Join one session: by the socket of an edge on this machine, which no network can take away, if any."""
+    """Join one session: by the socket of an edge on this machine, if any, because it needs no network."""
     here = is_running(settings.edge, directory)
     if not here and not settings.connect:
         raise BusError(f"edge {settings.edge!r} does not run here; start it, or set bus.connect to reach it")
@@ -122,20 +122,20 @@ def _join(settings: BusSettings, bus_session: str, directory: Path) -> ZenohSess
 
 
 def _shut_out(endpoints: Iterable[str]) -> str:
-    """Say that nobody answers there; Zenoh does not tell a wrong password from silence."""
+    """Return the error text for endpoints that cannot be joined; Zenoh gives no reason."""
     return f"nobody lets us in at {', '.join(endpoints)}: gone, frozen, or with other user, password or tls"
 
 
 def _place(endpoint: str) -> tuple[str, str]:
-    """Return protocol and port, or path, of an endpoint: what is left of it when its name was resolved."""
+    """Return protocol and port, or path, of an endpoint: the parts that name resolution does not change."""
     protocol, _, rest = re.split("[?#]", endpoint)[0].partition("/")
     return protocol, rest.rpartition(":")[2]
 
 
 def _beside(endpoint: str) -> str:
-    """Return where the control session listens beside a reports' endpoint (gossip tells it to who asks).
+    """Return the endpoint of the control session that belongs to one of the reports session.
 
-    That is a port of the system's choice, or for an endpoint without ports another name.
+    It has a port chosen by the system (others learn it by gossip), or, without ports, another name.
     """
     found, places = re.subn(r":\d+(?=$|[?#])", ":0", endpoint)
     return found if places else f"{endpoint}.control"

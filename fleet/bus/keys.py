@@ -3,28 +3,28 @@
 =====================================  ====================================================
 key                                    what
 =====================================  ====================================================
-``fleet/{edge}``                       liveliness: the edge is there
-``fleet/{edge}/robots/{robot}``        liveliness: the robot's host is there
-``fleet/{edge}/workers/{worker}``      liveliness: the worker process is there
-``fleet/{edge}/workers/{worker}/beat``   publication: the worker's event loop turns
-``fleet/{edge}/claims/{twin}/{since}``  liveliness: the edge wants the twin, since (Unix ms), or ``-held``
-``fleet/{edge}/workers/{worker}/reload``  ask: take a changed drop-in file into use, while its robots rest
-``fleet/{edge}/workers/{worker}/halt``   publication: the worker is given up, its robots are halted
-``fleet/{edge}/robots/{robot}/command``  ask; the answers are its receipt and its end
-``fleet/{edge}/robots/{robot}/prepare``  ask; the answers: it is prepared for a common start, receipt, end
-``fleet/{edge}/starts``                ask what the time is, or tell the instant of a common start
-``fleet/{edge}/starts/{start}``        liveliness: who asks for that start is there
-``fleet/{edge}/robots/{robot}/video``  ask: start or stop video; a program that sends it answers
-``fleet/{edge}/robots/{robot}/state``  a robot's state: publication, and ask for the last
-``fleet/{edge}/held``                 publication: which robots of its workers stop inputs hold, and why
-``fleet/{edge}/places/{process}``      publication: where the robots of a process are, and where they go
-``fleet/{edge}/holders``               publication: who has the edge's twins, as the cloud shows it
-``fleet/{edge}/health``                the edge's state: publication, and ask for the last
-``fleet/{edge}/schedules``             ask for its schedules, switch one, or start what it starts
-``fleet/{edge}/history``               ask who asked what of its robots, and what became of it
-``fleet/{edge}/missions/{name}``       ask: what a mission takes; with ``do=start`` it is started
-``fleet/{edge}/runs/{run}``            a run's state: publication, and ask for it; control it by asking
-``fleet/{edge}/stop``                  emergency stop; publish or ask on ``fleet/*/stop``
+``fleet/{edge}``                       liveliness: the edge is up
+``fleet/{edge}/robots/{robot}``        liveliness: the robot's host is up
+``fleet/{edge}/workers/{worker}``      liveliness: the worker process is up
+``fleet/{edge}/workers/{worker}/beat``   publication: heartbeat of the worker's event loop
+``fleet/{edge}/claims/{twin}/{since}``  liveliness: the edge claims the twin since (Unix ms), or ``-held``
+``fleet/{edge}/workers/{worker}/reload``  query: load a changed drop-in file, while its robots rest
+``fleet/{edge}/workers/{worker}/halt``   publication: the edge gives up the worker, which halts its robots
+``fleet/{edge}/robots/{robot}/command``  query: a command; replies are its receipt and final result
+``fleet/{edge}/robots/{robot}/prepare``  query: prepare a common start; replies: prepared, receipt, result
+``fleet/{edge}/starts``                query: the edge's time, or set the instant of a common start
+``fleet/{edge}/starts/{start}``        liveliness: the requester of that start is up
+``fleet/{edge}/robots/{robot}/video``  query: start or stop video; the program that sends it replies
+``fleet/{edge}/robots/{robot}/state``  publication, and query for the last: a robot's state
+``fleet/{edge}/held``                 publication: robots of its workers that stop inputs hold, and why
+``fleet/{edge}/places/{process}``      publication: positions and destinations of a process's robots
+``fleet/{edge}/holders``               publication: other holders of the edge's twins, seen in the cloud
+``fleet/{edge}/health``                publication, and query for the last: the edge's state
+``fleet/{edge}/schedules``             query: list its schedules, switch one, or start it now
+``fleet/{edge}/history``               query: events of its robots, with the senders of requests
+``fleet/{edge}/missions/{name}``       query: parameters of a mission; with ``do=start``, start it
+``fleet/{edge}/runs/{run}``            publication, and query: a run's state; queries also control it
+``fleet/{edge}/stop``                  emergency stop; publish or query on ``fleet/*/stop``
 =====================================  ====================================================
 """
 
@@ -42,21 +42,21 @@ def robot(edge_id: str, name: str) -> str:
 
 
 HELD = "-held"
-"""Ends the key of the token of an edge that has a twin; without it the edge wants it."""
+"""Suffix of a claim's key when the edge has the twin; without it the edge only wants it."""
 
 
 def claim(edge_id: str, twin: str, since: int, *, held: bool = False) -> str:
-    """Return the key of the token that an edge wants, or has, a twin, since that Unix millisecond."""
+    """Return the key of the token by which an edge claims a twin; ``since`` in Unix milliseconds."""
     return f"fleet/{edge_id}/claims/{twin}/{since}{HELD if held else ''}"
 
 
 def claims() -> str:
-    """Return the key expression of all such tokens."""
+    """Return the key expression of all claims."""
     return "fleet/*/claims/*/*"
 
 
 def command(edge_id: str, name: str) -> str:
-    """Return the key on which a robot is asked; ``*`` addresses many."""
+    """Return the key for commands to a robot; ``*`` addresses many."""
     return f"fleet/{edge_id}/robots/{name}/command"
 
 
@@ -76,17 +76,17 @@ def starting(edge_id: str, start: str) -> str:
 
 
 def video(edge_id: str, name: str) -> str:
-    """Return the key on which the program that sends a robot's video is asked to start and stop it."""
+    """Return the key for queries to the program that sends a robot's video: start and stop."""
     return f"fleet/{edge_id}/robots/{name}/video"
 
 
 def holders(edge_id: str) -> str:
-    """Return the key on which an edge tells its workers which edges have their twins, seen in the cloud."""
+    """Return the key on which an edge publishes, for its workers, the holders of their twins in the cloud."""
     return f"fleet/{edge_id}/holders"
 
 
 def places(edge_id: str, process: str) -> str:
-    """Return the key on which a process tells the others where its robots are; ``*`` is every process."""
+    """Return the key on which a process publishes the positions of its robots; ``*`` is every process."""
     return f"fleet/{edge_id}/places/{process}"
 
 
@@ -96,7 +96,7 @@ def state(edge_id: str, name: str) -> str:
 
 
 def description(edge_id: str, name: str) -> str:
-    """Return the key on which a robot tells what it takes."""
+    """Return the key of a robot's description: the commands that it accepts."""
     return f"fleet/{edge_id}/robots/{name}/description"
 
 
@@ -106,12 +106,12 @@ def worker(edge_id: str, name: str) -> str:
 
 
 def heartbeat(edge_id: str, name: str) -> str:
-    """Return the key on which a worker's event loop shows that it turns."""
+    """Return the key of the heartbeat of a worker's event loop."""
     return f"fleet/{edge_id}/workers/{name}/beat"
 
 
 def halt(edge_id: str, name: str) -> str:
-    """Return the key on which a worker that is given up is told to halt its robots."""
+    """Return the key on which the edge orders a worker that it gives up to halt its robots."""
     return f"fleet/{edge_id}/workers/{name}/halt"
 
 
@@ -121,7 +121,7 @@ def reload(edge_id: str, name: str) -> str:
 
 
 def held(edge_id: str) -> str:
-    """Return where an edge tells its workers which of their robots its stop inputs hold, and why."""
+    """Return the key on which an edge publishes, for its workers, the robots that its stop inputs hold."""
     return f"fleet/{edge_id}/held"
 
 
@@ -131,7 +131,7 @@ def health(edge_id: str) -> str:
 
 
 def history(edge_id: str) -> str:
-    """Return the key on which an edge tells what happened to its robots, and who asked for it."""
+    """Return the key of an edge's history: events of its robots, with the senders of requests."""
     return f"fleet/{edge_id}/history"
 
 

@@ -1,9 +1,9 @@
-"""Where the bus listens and whom it joins, as Zenoh wants to hear it.
+"""Settings of the bus, and the Zenoh configuration made from them.
 
 An edge has two sessions: one for reports, one for commands, stop and liveliness, each with links of its
-own, so that nobody who is slow with reports can hold up a stop. They listen on Unix sockets in a directory
-of the user's own, where local programs join (the SDK's DataBus too), and nowhere else unless fleet.yaml says
-so: a port of loopback is every user's of the computer.
+own, so that a slow reader of reports cannot delay a stop. They listen on Unix sockets in a private directory
+of the user, where local programs join (the SDK's DataBus too), and nowhere else unless fleet.yaml says so:
+any user of the computer can connect to a loopback port.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from fleet.bus.access import Access, access_control
 from fleet.errors import BusError
 
 SOCKET = "unixsock-stream"  # Zenoh's word for a Unix socket
-LEASE_MS = 1000  # a frozen process is noticed after this
+LEASE_MS = 1000  # time after which a frozen process is noticed
 LONGEST_SOCKET_PATH = 100  # the kernel takes 107 bytes
 
 
@@ -38,9 +38,9 @@ class BusTls(msgspec.Struct, frozen=True):
 
 
 class BusSettings(msgspec.Struct, frozen=True):
-    """What fleet.yaml says of the bus; ``listen`` is what is opened besides the Unix sockets.
+    """Bus settings of fleet.yaml; ``listen`` are the endpoints to open besides the Unix sockets.
 
-    Without ``access`` everybody who comes in may do everything.
+    Without ``access`` every peer that can connect may do everything.
     """
 
     edge: str
@@ -54,12 +54,12 @@ class BusSettings(msgspec.Struct, frozen=True):
     access: Access | None = None
 
 
-MEMORY = Path("/dev/shm")  # noqa: S108 - whose directory it is, is looked at
-"""Where Linux keeps files in memory: what is begun is written there first, and must not wait for a disk."""
+MEMORY = Path("/dev/shm")  # noqa: S108 - the owner of the directory is checked
+"""In-memory file system of Linux, for the execution journal, which must not wait for a disk."""
 
 
 def runtime_dir(environ: Mapping[str, str] = os.environ) -> Path:
-    """Return the directory of the edges' sockets, for this user alone: who can reach them can command.
+    """Return the directory of the edges' sockets, private to this user: access to them allows commands.
 
     FLEET_RUNTIME_DIR, or within XDG_RUNTIME_DIR, or in memory where the system has that, or a temporary one.
     """
@@ -76,10 +76,10 @@ def runtime_dir(environ: Mapping[str, str] = os.environ) -> Path:
 
 
 def runtime_dirs(environ: Mapping[str, str] = os.environ) -> list[Path]:
-    """Return the directories in which edges may have their sockets that we can stop, none of them made here.
+    """Return the existing directories that may hold sockets of edges which this user can stop.
 
-    FLEET_RUNTIME_DIR alone where it is set. Else all of this user's, whatever the environment of who began
-    the edge was; for root, everybody's.
+    Only FLEET_RUNTIME_DIR where it is set. Else all directories of this user, whatever the environment in
+    which the edge was started; for root, those of all users.
     """
     if given := environ.get("FLEET_RUNTIME_DIR"):
         return [Path(given)]
@@ -92,7 +92,7 @@ def runtime_dirs(environ: Mapping[str, str] = os.environ) -> list[Path]:
 
 
 def _is_ours(path: Path, user: int) -> bool:
-    """Return True for a directory of this user, and for root of any."""
+    """Return True for a directory of this user, and for root for any directory."""
     try:
         found = path.lstat()
     except OSError:
@@ -101,7 +101,7 @@ def _is_ours(path: Path, user: int) -> bool:
 
 
 def _runtime_path(environ: Mapping[str, str]) -> Path:
-    """Return where the directory is, by the environment."""
+    """Return the path of the runtime directory for an environment."""
     if given := environ.get("FLEET_RUNTIME_DIR"):
         return Path(given)
     if given := environ.get("XDG_RUNTIME_DIR"):
@@ -119,13 +119,13 @@ def socket_path(edge: str, bus_session: str, directory: Path) -> str:
 
 
 def running_edges(directory: Path) -> list[str]:
-    """Return the ids of the edges that run here, those included that hang; never raises for a name."""
+    """Return the ids of the edges that run here, including frozen ones; never raises for a bad name."""
     names = (path.name.removesuffix(".control.sock") for path in directory.glob("*.control.sock"))
     return sorted(name for name in names if _fits(name, directory) and is_running(name, directory))
 
 
 def _fits(edge: str, directory: Path) -> bool:
-    """Return False for a path so long that nobody can listen there."""
+    """Return False for a path that is too long for a Unix socket."""
     try:
         socket_path(edge, "control", directory)
     except BusError:
@@ -134,16 +134,16 @@ def _fits(edge: str, directory: Path) -> bool:
 
 
 def is_running(edge: str, directory: Path) -> bool:
-    """Return True when a process holds the edge's control socket, however busy, frozen or choosy it is."""
+    """Return True when a process holds the edge's control socket, even a busy or frozen one."""
     address = socket_path(edge, "control", directory).partition("/")[2]
     with socket.socket(socket.AF_UNIX) as probe:
         probe.setblocking(False)
-        # A queue of callers that is full (EAGAIN) has somebody behind it; a dead process refuses.
+        # A full accept queue (EAGAIN) belongs to a live process; the socket of a dead one refuses.
         return probe.connect_ex(address) in (0, errno.EAGAIN)
 
 
 def users_file(settings: BusSettings, directory: Path) -> Path | None:
-    """Write the file from which Zenoh learns who may join, readable by us alone; None: everybody may."""
+    """Write Zenoh's file of users and passwords, readable only by this user; None when no user is set."""
     if settings.user is None:
         return None
     password = settings.password or ""
@@ -158,7 +158,7 @@ def users_file(settings: BusSettings, directory: Path) -> Path | None:
 
 
 def _is_plain(text: str) -> bool:
-    """Return True for text that survives as one field of one line."""
+    """Return True for text that can be one field of one line."""
     return text != "" and text == text.strip() and len(text.splitlines()) == 1
 
 
@@ -170,7 +170,7 @@ def zenoh_settings(
     connect: tuple[str, ...],
     users: Path | None = None,
 ) -> dict[str, object]:
-    """Return Zenoh's own configuration, by path, for one session; ``users``: the file of who may join."""
+    """Return Zenoh's configuration, by path, for one session; ``users``: the file of ``users_file``."""
     values: dict[str, object] = {
         "mode": mode,
         "listen/endpoints": list(listen),
@@ -181,10 +181,10 @@ def zenoh_settings(
         "transport/link/protocols": _protocols(settings),
     }
     if mode == "client":
-        # Nobody waits long for an edge that is frozen.
+        # A client must not wait long for an edge that is frozen.
         values["transport/unicast/open_timeout"] = LEASE_MS
     else:
-        # An edge opens at once and goes on trying to reach the others for as long as it lives.
+        # An edge opens at once, and keeps trying to reach the others for as long as it lives.
         values["connect/timeout_ms"] = -1
         values["connect/exit_on_failure"] = False
         values["open/return_conditions/connect_scouted"] = False
@@ -200,10 +200,10 @@ def zenoh_settings(
 
 
 def _protocols(settings: BusSettings) -> list[str]:
-    """Return what is spoken at all, and so the only ways on which others can have us call them.
+    """Return the protocols that the session may use at all, also for peers that it learns of by gossip.
 
-    A program that joins tells of those whom it knows, and they would be joined wherever they are: a peer
-    that also listens on the network would bring strangers in.
+    A program that joins announces the peers that it knows, and Zenoh would connect to them: a program that
+    also listens on the network would bring in strangers.
     """
     spoken = {end.partition("/")[0] for end in (*settings.listen, *settings.connect)} | {SOCKET}
     if settings.scouting and spoken == {SOCKET}:
@@ -212,7 +212,7 @@ def _protocols(settings: BusSettings) -> list[str]:
 
 
 def _tls(tls: BusTls) -> dict[str, object]:
-    """Return the certificates' part."""
+    """Return the TLS part of the configuration."""
     root = "transport/link/tls"
     values: dict[str, object] = {
         f"{root}/enable_mtls": tls.mutual,

@@ -1,8 +1,8 @@
-"""One Zenoh session, in the few verbs that the project uses. The only module that imports zenoh.
+"""A Zenoh session, reduced to the operations that the project uses. The only module that imports zenoh.
 
-Callbacks are direct, but for ``gather``: they run on Zenoh's own threads, synchronously for what this
-session itself publishes. They must only store or hand over; one that blocks would hold up everything that
-arrives on its link.
+Callbacks are direct, except for ``gather``: they run on Zenoh's own threads, and synchronously for messages
+that this session itself publishes. They must only store or hand over; a callback that blocks would delay
+everything else that arrives on its link.
 """
 
 from __future__ import annotations
@@ -25,20 +25,20 @@ OnNoted = Callable[[bytes, bytes], None]
 OnSamples = Callable[[list[tuple[str, bytes]]], None]
 
 GATHERED = 128
-"""Samples that may wait for the thread that takes them; more wait in the socket, then who publishes.
+"""Samples that may wait for the gathering thread; more wait in the socket, then publishers block.
 
-Each may keep the 64 KiB alive in which it came: a thousand of them took 30 MiB of a busy edge.
+Each sample may keep its 64 KiB receive buffer alive: a thousand of them took 30 MiB of a busy edge.
 """
 AT_ONCE = 200
-"""Samples that are taken at once at most."""
+"""Maximum number of samples in one call."""
 UNSURE = 100
-"""Samples of a new publisher that go whoever listens: Zenoh tells a moment later whether somebody does."""
+"""Samples that a new publisher sends in any case: Zenoh reports its subscribers a moment later."""
 LAST_CALL = 2.0
-"""Seconds that a call with samples may still take when the session is closed."""
+"""Seconds to wait, on close, for a call with samples to return."""
 
 
 class Publisher:
-    """A declared publisher to others; ``wanted``: one of them subscribes to what it publishes."""
+    """A declared publisher to other sessions; ``wanted``: at least one of them subscribes to its key."""
 
     def __init__(self, session: zenoh.Session, key: str) -> None:
         self.wanted = False
@@ -50,28 +50,28 @@ class Publisher:
         self._publisher.declare_matching_listener(_direct(self._changed))
 
     def put(self, payload: bytes) -> None:
-        """Publish; never blocks, drops when the way is full."""
+        """Publish without blocking; dropped when the link is congested."""
         self._publisher.put(payload)
 
     def _changed(self, status: zenoh.MatchingStatus) -> None:
-        """Note whether anybody listens; on Zenoh's thread."""
+        """Note whether there is a subscriber; on Zenoh's thread."""
         self.wanted = status.matching
 
 
 class Publishers:
-    """Publishers of keys under ``pattern``; none is declared before somebody listens to any of them.
+    """Publishers of keys under ``pattern``; none is declared until somebody subscribes to one of the keys.
 
-    Zenoh keeps 3 kB for each, and most edges have no listener but the bridge of their own process.
+    Zenoh keeps 3 kB for each, and on most edges the only subscriber is the bridge of their own process.
     """
 
     def __init__(self, session: zenoh.Session, pattern: str) -> None:
         self._session = session
         self._any = Publisher(session, pattern)
         self._made: dict[str, Publisher] = {}
-        self._unsure: dict[str, int] = {}  # samples that still go though nobody is known to listen
+        self._unsure: dict[str, int] = {}  # samples still to send without a known subscriber
 
     def wanted(self, key: str) -> Publisher | None:
-        """Return what publishes to those who listen to a key; None when nobody does."""
+        """Return the publisher of a key; None when nobody subscribes to it."""
         publisher = self._made.get(key)
         if publisher is None:
             if not self._any.wanted:
@@ -88,9 +88,9 @@ class Publishers:
 
 
 class Query:
-    """One query that arrived; may be answered later, from any thread, more than once, until ``close``.
+    """A received query; may be answered later, from any thread, more than once, until ``close``.
 
-    ``key`` is the one it was declared on, ``asked`` the one that was asked for (it may have wildcards).
+    ``key`` is the key of the queryable, ``asked`` the key expression of the query (it may have wildcards).
     """
 
     def __init__(self, query: zenoh.Query, key: str) -> None:
@@ -102,12 +102,12 @@ class Query:
         self.parameters = {name: value for name, _, value in (pair.partition("=") for pair in pairs)}
 
     def reply(self, payload: bytes, key: str | None = None) -> None:
-        """Send one answer (on ``key``, where many are answered at once); the asker may be gone."""
+        """Send one reply (on ``key``, for a query to many); does nothing once the query is closed."""
         if self._query is not None:
             self._query.reply(key or self.key, payload)
 
     def close(self) -> None:
-        """Say that there are no more answers."""
+        """End the replies to this query."""
         if self._query is not None:
             self._query.drop()
             self._query = None
@@ -125,10 +125,11 @@ class ZenohSession:
         self._threads: list[threading.Thread] = []
 
     def close(self) -> None:
-        """Leave the bus; tokens and queryables vanish for everyone at once."""
+        """Close the session; its tokens and queryables disappear for everyone at once."""
         self._kept.clear()
         self._session.close()
-        for thread in self._threads:  # one that comes out of Zenoh after the interpreter's end would abort
+        # A thread that returns from Zenoh after the interpreter has ended would abort the process.
+        for thread in self._threads:
             thread.join(LAST_CALL)
 
     def reached(self) -> list[str]:
@@ -136,17 +137,17 @@ class ZenohSession:
         return [link.dst for link in self._session.info.links()]
 
     def publisher(self, key: str) -> Publisher:
-        """Declare a publisher for state: never blocks, drops when the link is full; for others."""
+        """Declare a publisher for state, to other sessions: never blocks, drops on congestion."""
         return Publisher(self._session, key)
 
     def publishers(self, pattern: str) -> Publishers:
-        """Return publishers like it for all keys under a pattern."""
+        """Return such publishers for all keys under a pattern, declared as needed."""
         return Publishers(self._session, pattern)
 
     def put(self, key: str, payload: bytes, *, urgent: bool = False, note: bytes | None = None) -> None:
-        """Publish once; ``urgent`` overtakes everything and is not dropped.
+        """Publish once; ``urgent`` messages overtake all others and are not dropped.
 
-        A ``note`` goes beside the payload, in the same message; only who subscribes to notes reads it.
+        A ``note`` is attached to the payload, in the same message; see ``subscribe_noted``.
         """
         if urgent:
             self._session.put(
@@ -161,7 +162,7 @@ class ZenohSession:
             self._session.put(key, payload, attachment=note)
 
     def subscribe(self, key: str, call: OnSample) -> None:
-        """Call with key and payload of everything published under ``key``."""
+        """Call ``call`` with key and payload of each sample published under ``key``."""
 
         def arrived(sample: zenoh.Sample) -> None:
             call(*_read(sample))
@@ -169,7 +170,7 @@ class ZenohSession:
         self._kept.append(self._session.declare_subscriber(key, _direct(arrived)))
 
     def subscribe_noted(self, key: str, call: OnNoted) -> None:
-        """Call with payload and note of everything published under ``key``; empty where there is no note."""
+        """Call ``call`` with payload and note of each sample under ``key``; the note is empty if absent."""
 
         def arrived(sample: zenoh.Sample) -> None:
             note = sample.attachment
@@ -178,10 +179,10 @@ class ZenohSession:
         self._kept.append(self._session.declare_subscriber(key, _direct(arrived)))
 
     def subscribe_many(self, pattern: str, calls: Mapping[str, Callable[[bytes], None]]) -> None:
-        """Call what belongs to the very key of each sample published under ``pattern``, if anything does.
+        """Call the function that ``calls`` has for the key of each sample published under ``pattern``.
 
-        A subscription for each key would cost as many times more: a session compares every sample that it
-        gets, whatever its key, with every subscription that it has.
+        One subscription, not one per key: a session compares every sample that it receives with every
+        subscription that it has.
         """
 
         def arrived(key: str, payload: bytes) -> None:
@@ -192,10 +193,10 @@ class ZenohSession:
         self.subscribe(pattern, arrived)
 
     def gather(self, key: str, call: OnSamples) -> None:
-        """Call with all that others (not this session) have just published under ``key``, in order.
+        """Call ``call`` with batches of the samples of other sessions under ``key``, in order.
 
-        The call comes on a thread of its own and may work, but not wait. A callback for each sample takes
-        the interpreter from whoever has it each time, which costs more than all that is done with many.
+        It is called on a thread of its own and may work, but not wait. A callback per sample would take the
+        GIL from the running thread each time, which costs more than the work itself at high rates.
         """
         origin = zenoh.Locality.REMOTE
         samples = self._session.declare_subscriber(
@@ -208,7 +209,7 @@ class ZenohSession:
         thread.start()
 
     def answer(self, key: str, call: Callable[[Query], None]) -> None:
-        """Call with every question asked on ``key``; the call, or someone later, answers and closes it."""
+        """Call ``call`` with each query on ``key``; it, or other code later, must reply to and close it."""
 
         def asked(query: zenoh.Query) -> None:
             call(Query(query, key))
@@ -224,7 +225,7 @@ class ZenohSession:
         parameters: Mapping[str, str] | None = None,
         urgent: bool = False,
     ) -> Iterator[tuple[str, bytes]]:
-        """Ask at once; what is returned yields the answers (key, payload) as they come, for ``timeout`` s."""
+        """Send a query at once; return an iterator of its replies (key, payload), for up to ``timeout`` s."""
         replies = self._session.get(
             key + _parameters(parameters),
             payload=payload,
@@ -245,7 +246,7 @@ class ZenohSession:
         on_answer: Callable[[bytes], None],
         on_end: Callable[[], None],
     ) -> None:
-        """Ask without waiting; both calls come on Zenoh's threads and must only hand over."""
+        """Send a query without waiting; both callbacks run on Zenoh's threads and must only hand over."""
 
         def answered(reply: zenoh.Reply) -> None:
             if reply.ok is not None:
@@ -262,7 +263,7 @@ class ZenohSession:
         )
 
     def token(self, key: str) -> Callable[[], None]:
-        """Show that ``key`` is alive; returns what takes it back."""
+        """Declare a liveliness token on ``key``; returns a function that withdraws it."""
         token = self._session.liveliness().declare_token(key)
         self._kept.append(token)
 
@@ -274,7 +275,7 @@ class ZenohSession:
         return take_back
 
     def watch_tokens(self, key: str, call: Callable[[str, bool], None]) -> None:
-        """Call with each key and whether it lives, for those there are and for every change."""
+        """Call ``call`` with each token's key and whether it lives: for existing tokens, then each change."""
 
         def changed(sample: zenoh.Sample) -> None:
             call(str(sample.key_expr), sample.kind == zenoh.SampleKind.PUT)
@@ -283,7 +284,7 @@ class ZenohSession:
 
 
 def _config(settings: Mapping[str, object]) -> zenoh.Config:
-    """Return Zenoh's configuration; raises BusError naming the setting that it does not take."""
+    """Return Zenoh's configuration; raises BusError that names a setting which Zenoh rejects."""
     config = zenoh.Config()
     for path, value in settings.items():
         try:
@@ -304,7 +305,7 @@ def _read(sample: zenoh.Sample) -> tuple[str, bytes]:
 
 
 def _gather(samples: Any, call: OnSamples) -> None:
-    """Be the thread that takes samples, until the session is closed."""
+    """Body of the gathering thread: take samples until the session is closed."""
     with contextlib.suppress(zenoh.ZError):
         while True:
             gathered = [_read(samples.recv())]
@@ -316,19 +317,19 @@ def _gather(samples: Any, call: OnSamples) -> None:
 
 
 def _answers(replies: Iterable[zenoh.Reply]) -> Iterator[tuple[str, bytes]]:
-    """Yield key and payload of each answer that is no error."""
+    """Yield key and payload of each reply that is not an error."""
     for reply in replies:
         if reply.ok is not None:
             yield str(reply.ok.key_expr), reply.ok.payload.to_bytes()
 
 
 def _direct(call: Callable[[Any], None], end: Callable[[], None] | None = None) -> Any:
-    """Return a handler without a thread of its own."""
+    """Return a handler that runs on Zenoh's thread, without a queue."""
     return zenoh.handlers.Callback(_guarded(call), end and _guarded(end), indirect=False)
 
 
 def _guarded(call: Callable[..., None]) -> Callable[..., None]:
-    """Return a callback whose failures are logged and not lost."""
+    """Return a callback whose exceptions are logged and do not reach Zenoh."""
 
     def guarded(*arguments: Any) -> None:
         try:
@@ -340,12 +341,12 @@ def _guarded(call: Callable[..., None]) -> Callable[..., None]:
 
 
 def _parameters(parameters: Mapping[str, str] | None) -> str:
-    """Return a selector's parameters."""
+    """Return the parameters part of a selector."""
     if not parameters:
         return ""
     return "?" + ";".join(f"{name}={value}" for name, value in parameters.items())
 
 
 def _first_line(error: BaseException) -> str:
-    """Return the part of Zenoh's message that says what is wrong."""
+    """Return the part of Zenoh's message that gives the reason."""
     return str(error).split(" at /")[0].splitlines()[0]

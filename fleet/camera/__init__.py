@@ -1,1 +1,1 @@
-"""Pictures of a camera: single ones for ``take_photo``, one after the other for video."""
+"""Pictures of a camera: single ones for ``take_photo``, a sequence for video."""

@@ -1,4 +1,4 @@
-"""One camera whose pictures are taken one after the other, for video."""
+"""A camera that is kept open for a sequence of pictures, for video."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ from fleet.camera.v4l2 import frames
 
 
 class Camera:
-    """A source like that of ``take_picture``; a V4L2 device is open from its first picture to ``close``."""
+    """Pictures of a source as in ``take_picture``; a V4L2 device stays open until ``close``."""
 
     def __init__(self, source: str) -> None:
         self.source = source
         self._frames: Generator[bytes] | None = None
-        self._reading = threading.Lock()  # a read that nobody waits for any more may still be under way
+        self._reading = threading.Lock()  # a read whose caller has timed out may still be running
 
     async def picture(self) -> Picture:
         """Return the next picture; raises like ``take_picture``."""
@@ -25,11 +25,11 @@ class Camera:
         return await take_picture(self.source)
 
     async def close(self) -> None:
-        """Let go of the device, once a read that is under way has ended."""
+        """Close the device, once a running read has ended."""
         await asyncio.to_thread(self._close)
 
     def _next(self) -> bytes:
-        """Return the device's next frame; after a failure it is opened anew."""
+        """Return the device's next frame; after a failure the device is opened again."""
         with self._reading:
             if self._frames is None:
                 self._frames = frames(self.source.partition(":")[2], TIMEOUT)

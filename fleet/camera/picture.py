@@ -1,4 +1,4 @@
-"""One picture of a camera: from a file, a snapshot URL, or a V4L2 device that gives JPEG."""
+"""A single JPEG picture of a camera: from a file, a snapshot URL, or a V4L2 device with JPEG output."""
 
 from __future__ import annotations
 
@@ -19,15 +19,15 @@ from fleet.clock import Clock
 from fleet.errors import Refused, TimedOut, Unsupported
 from fleet.model.report import PhotoReport
 
-TIMEOUT = 5.0  # s that a camera has to answer
-LARGEST = 4 * 1024 * 1024  # bytes of a picture; more does not belong on MQTT
+TIMEOUT = 5.0  # s within which a camera must answer
+LARGEST = 4 * 1024 * 1024  # bytes of a picture; a larger one does not belong on MQTT
 _START, _SCAN = 0xD8, 0xDA
 _SIZES = frozenset({*range(0xC0, 0xD0)}) - {0xC4, 0xC8, 0xCC}  # start-of-frame markers
 _BARE = frozenset({0x01, *range(0xD0, 0xD9)})  # markers without a length
 
 
 CameraText = Annotated[str, Field(pattern=r"^(file:/|https?://|v4l2:/)\S+$")]
-"""The type of a camera in an adapter's config."""
+"""Type of a camera field in an adapter's config."""
 
 
 class Picture(msgspec.Struct, frozen=True):
@@ -59,7 +59,7 @@ async def take_picture(source: str) -> Picture:
 
 
 async def taken(read: Callable[[], bytes], source: str) -> Picture:
-    """Return the picture that ``read`` reads, in a thread; raises like ``take_picture``."""
+    """Run ``read`` in a thread and return its picture; raises like ``take_picture``."""
     try:
         async with asyncio.timeout(TIMEOUT + 1.0):
             data = await asyncio.to_thread(read)
@@ -74,13 +74,13 @@ async def taken(read: Callable[[], bytes], source: str) -> Picture:
 
 
 def _from_file(path: str, _source: str) -> bytes:
-    """Return a file's bytes, and no more than what is too many."""
+    """Return a file's bytes, up to one more than allowed, which marks a file as too large."""
     with Path(path).open("rb") as file:
         return file.read(LARGEST + 1)
 
 
 def _from_url(_rest: str, source: str) -> bytes:
-    """Return what a snapshot URL answers."""
+    """Return the response body of a snapshot URL."""
     with urllib.request.urlopen(source, timeout=TIMEOUT) as answer:  # noqa: S310 - http(s), from fleet.yaml
         taken: bytes = answer.read(LARGEST + 1)
     return taken
@@ -95,7 +95,7 @@ _SOURCES = {"file": _from_file, "http": _from_url, "https": _from_url, "v4l2": _
 
 
 def jpeg_size(data: bytes) -> tuple[int, int]:
-    """Return width and height of a JPEG picture; raises Refused when it is none."""
+    """Return width and height of a JPEG picture, pixels; raises Refused for any other data."""
     at = 2
     if data[:2] != bytes((0xFF, _START)):
         raise Refused("the camera did not give a JPEG picture")

@@ -1,4 +1,4 @@
-"""JPEG frames of a V4L2 device (Linux, 64 bit), by the kernel's own calls."""
+"""JPEG frames of a V4L2 device (Linux, 64 bit), with the ioctls of linux/videodev2.h."""
 
 from __future__ import annotations
 
@@ -16,19 +16,19 @@ S_FMT, REQBUFS, QUERYBUF, QBUF, DQBUF = 0xC0D05605, 0xC0145608, 0xC0585609, 0xC0
 STREAMON, STREAMOFF = 0x40045612, 0x40045613
 FORMAT_SIZE, BUFFER_SIZE = 208, 88
 WIDTH, HEIGHT = 1280, 720
-WARM_UP = 3  # frames until the exposure has settled
+WARM_UP = 3  # frames until the automatic exposure has settled
 
 _USED, _PLACE, _LENGTH = 8, 64, 72  # offsets in struct v4l2_buffer
 
 
 def capture(path: str, timeout: float) -> bytes:
-    """Return one frame; blocks for at most ``timeout`` s a frame. Raises OSError, also for another format."""
+    """Return one frame; blocks for up to ``timeout`` s per frame. Raises OSError, also for another format."""
     with contextlib.closing(frames(path, timeout)) as coming:
         return next(itertools.islice(coming, WARM_UP - 1, None))
 
 
 def frames(path: str, timeout: float) -> Generator[bytes]:
-    """Yield frame after frame until closed; the device is open meanwhile. Blocks and raises as above."""
+    """Yield frames until closed; the device is open meanwhile. Blocks and raises like ``capture``."""
     device = os.open(path, os.O_RDWR | os.O_NONBLOCK)
     try:
         _set_format(device)
@@ -43,7 +43,7 @@ def frames(path: str, timeout: float) -> Generator[bytes]:
 
 
 def _set_format(device: int) -> None:
-    """Ask for JPEG; the device may choose another size, but not another format."""
+    """Request JPEG; the device may choose another size, but not another format. Raises OSError."""
     wanted = bytearray(FORMAT_SIZE)
     struct.pack_into("=I4x4I", wanted, 0, CAPTURE, WIDTH, HEIGHT, MJPEG, 1)
     fcntl.ioctl(device, S_FMT, wanted)
@@ -52,7 +52,7 @@ def _set_format(device: int) -> None:
 
 
 def _stream(device: int, memory: mmap.mmap, timeout: float) -> Generator[bytes]:
-    """Yield frames; a frame is filled while the one before is used."""
+    """Yield frames; the device fills the buffer again while the last frame, a copy, is in use."""
     fcntl.ioctl(device, QBUF, _buffer())
     fcntl.ioctl(device, STREAMON, struct.pack("=i", CAPTURE))
     try:

@@ -1,1 +1,1 @@
-"""Signals to health, per robot and per edge."""
+"""Health of an edge and load of its computer."""

@@ -1,4 +1,4 @@
-"""How busy the host is, read from /proc; everything is None where that is not to be had."""
+"""Load of the host, read from /proc and /sys; values are None where these do not exist."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ THERMAL = Path("/sys/class/thermal/thermal_zone0/temp")
 
 
 class HostLoad(msgspec.Struct, frozen=True):
-    """The computer and this process: load per core (1 min), percent, MiB, degrees Celsius."""
+    """Load of the computer per core (1 min), memory in percent and MiB, degrees Celsius, own threads."""
 
     load: float | None = None
     memory_percent: float | None = None
@@ -23,7 +23,7 @@ class HostLoad(msgspec.Struct, frozen=True):
 
 
 def read_load() -> HostLoad:
-    """Return the load now."""
+    """Return the current load."""
     memory = _memory()
     return HostLoad(
         load=round(os.getloadavg()[0] / (os.cpu_count() or 1), 3),
@@ -35,7 +35,7 @@ def read_load() -> HostLoad:
 
 
 def _memory() -> tuple[float, float] | None:
-    """Return (percent in use, MiB available)."""
+    """Return (percent in use, MiB available), None when unknown."""
     try:
         lines = MEMINFO.read_text().splitlines()
     except OSError:
@@ -52,7 +52,7 @@ def _memory() -> tuple[float, float] | None:
 
 
 def _temperature() -> float | None:
-    """Return the processor's temperature."""
+    """Return the processor's temperature in degrees Celsius, None when unknown."""
     try:
         return round(int(THERMAL.read_text()) / 1000.0, 1)
     except (OSError, ValueError):

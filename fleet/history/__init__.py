@@ -1,1 +1,1 @@
-"""What happened to an edge's robots, who asked, and how it ended: one store, of which all else are views."""
+"""History of an edge: events of its robots, with the senders of requests and their results, in one store."""

@@ -1,4 +1,4 @@
-"""Reading an edge's history from its file, while the edge runs or not."""
+"""Reader of an edge's history file; the edge may be running or not."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from fleet.spool.database import format_of
 
 
 def read(folder: Path, wanted: EventFilter) -> list[Record]:
-    """Return events from a folder's file, the oldest first; none without a file. Raises StateError."""
+    """Return the selected events of a folder's file, the oldest first; none if missing. Raises StateError."""
     path = folder / HISTORY
     if not path.exists():
         return []
@@ -27,7 +27,7 @@ def read(folder: Path, wanted: EventFilter) -> list[Record]:
 
 
 def _records(database: sqlite3.Connection, wanted: EventFilter) -> Iterator[Record]:
-    """Yield what is wanted, the newest first; a row that is none of ours is left out."""
+    """Yield the selected events, the newest first; an invalid row is skipped."""
     marks = ", ".join("?" * len(wanted.robots))
     whose = f" AND robot IN ({marks})" if wanted.robots else ""
     asked = f"SELECT {COLUMNS} FROM event WHERE stamp >= ?{whose} ORDER BY stamp DESC, id DESC LIMIT ?"  # noqa: S608
@@ -39,7 +39,7 @@ def _records(database: sqlite3.Connection, wanted: EventFilter) -> Iterator[Reco
 
 @contextlib.contextmanager
 def _opened(path: Path) -> Iterator[sqlite3.Connection]:
-    """Open a file to read; on a disk that takes no writes it is read as it lies there."""
+    """Open a file for reading; on a read-only disk in SQLite's immutable mode."""
     address = f"{path.absolute().as_uri()}?mode=ro"
     with contextlib.ExitStack() as closing:
         for each in (address, f"{address}&immutable=1"):

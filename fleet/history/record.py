@@ -1,4 +1,4 @@
-"""One event as it is kept: an ``EventReport`` with the robot it is about, bounded in size."""
+"""Stored form of an event: an ``EventReport`` with its robot, bounded in size."""
 
 from __future__ import annotations
 
@@ -10,21 +10,21 @@ from fleet.model.command import Transport
 from fleet.model.event import EventKind, EventReport, Requester, Severity
 from fleet.runtime.decoding import decode_json
 
-LONGEST_NAME = 128  # characters of a name: of a robot, an asker, a command
+LONGEST_NAME = 128  # characters of a name: of a robot, a sender, a command
 LONGEST_TEXT = 1000  # characters of a sentence
 LONGEST_DATA = 4096  # bytes of data
 
 _encode = msgspec.json.Encoder().encode
 
 Row = tuple[float, str, str, str, str, str, str, str, int, str, str, str]
-"""The columns of ``COLUMNS``."""
+"""Values of ``COLUMNS``."""
 COLUMNS = "stamp, robot, kind, severity, text, way, asker, source_type, proven, command, request, data"
 
 
 class Record(msgspec.Struct, frozen=True, omit_defaults=True):
     """One event of the history. ``stamp`` is Unix seconds; ``robot`` is empty for the edge itself.
 
-    ``edge`` is whose history it is of, for who asks several; in the store itself it is left out.
+    ``edge`` names the edge, in answers that combine several histories; in the store itself it is empty.
     """
 
     stamp: float
@@ -40,7 +40,7 @@ class Record(msgspec.Struct, frozen=True, omit_defaults=True):
 
 
 def row_of(robot: str, event: EventReport) -> Row:
-    """Return an event as a row; what is too long is cut, data that is too large or no JSON left out."""
+    """Return an event as a row; long texts are cut, data that is too large or not JSON is omitted."""
     asker = event.asker
     return (
         event.stamp,
@@ -59,7 +59,7 @@ def row_of(robot: str, event: EventReport) -> Row:
 
 
 def record_of(row: Row) -> Record:
-    """Return the event of a row; raises ValueError for one that is none of ours."""
+    """Return the event of a row; raises ValueError for an invalid row."""
     stamp, robot, kind, severity, text, way, name, source_type, proven, command, request, data = row
     asker = Requester(Transport(way), name, source_type or None, bool(proven)) if way else None
     return Record(
@@ -76,7 +76,7 @@ def record_of(row: Row) -> Record:
 
 
 def _clean(text: str, longest: int) -> str:
-    """Return text that is not too long, and can be written: one that cannot would keep all others waiting."""
+    """Return text cut to length, without surrogates: SQLite rejects those, and the whole commit with them."""
     text = text[:longest]
     return text if text.isascii() else text.encode(errors="replace").decode()
 
@@ -85,7 +85,7 @@ def _data(data: dict[str, object]) -> str:
     """Return data as JSON."""
     try:
         encoded = _encode(data)
-    except Exception:  # noqa: BLE001 - the wall: an adapter may put anything into its events
+    except Exception:  # noqa: BLE001 - an adapter may put anything into its events
         return '{"left_out":"it is no JSON"}'
     if len(encoded) > LONGEST_DATA:
         return f'{{"left_out":"{len(encoded)} bytes"}}'

@@ -1,11 +1,11 @@
-"""The event store of an edge: a bounded SQLite file beside the journal, written by a thread that is there.
+"""Event store of an edge: a bounded SQLite file beside the journal, written by the journal's thread.
 
-``add`` takes an event from any thread and only appends to a queue in memory; ``write``, which is called
-again and again on the journal's thread, puts all that waits into one commit. Processes of one edge on the
+``add`` takes an event from any thread and only appends it to a queue in memory; ``write``, which
+the journal's thread calls periodically, writes the whole queue in one commit. Processes of one edge on the
 same computer share the file.
 
 ==========================  ==========================================================================
-what happens                what the store does
+condition                   reaction of the store
 ==========================  ==========================================================================
 disk full, read-only        keeps the newest in memory, tells it as ``problem``, tries again
 too many wait               the oldest are lost, counted, and told in the history once it is written
@@ -48,15 +48,15 @@ CREATE INDEX event_by_robot ON event (robot, stamp);
 """,
 )
 """What makes the file, and brings it from each format number to the next."""
-WAITING = 5000  # events in memory at most
-AGAIN_AFTER = 5.0  # s until a disk that failed is tried again
+WAITING = 5000  # maximum number of events in memory
+AGAIN_AFTER = 5.0  # s until the next attempt after a failed write
 BUSY = 0.2
-"""Seconds to wait for another process that opens or writes: a stop may wait as long for its record."""
-LAST_PATIENCE = 2.0  # s, as the process ends
+"""Seconds to wait for another process that opens or writes: the record of a stop may wait as long."""
+LAST_PATIENCE = 2.0  # s, for the last write of the process
 PRUNE_EVERY = 60.0  # s
 AT_ONCE = 1000  # rows that are deleted in one commit
 NEWEST = 1000
-"""Events that are kept however old their stamps are: a computer without a clock may begin in 1970."""
+"""Newest events, kept whatever their stamps: a computer without a clock may start in 1970."""
 _ADD = f"INSERT INTO event ({COLUMNS}) VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)"  # noqa: S608 - columns of ours
 _TOO_OLD = (
     "DELETE FROM event WHERE id IN (SELECT id FROM event WHERE stamp < ? "
@@ -66,16 +66,16 @@ _OLDEST = "DELETE FROM event WHERE id IN (SELECT id FROM event ORDER BY id LIMIT
 
 
 class HistoryBounds(msgspec.Struct, frozen=True):
-    """How much is kept: ``size`` in bytes on disk, ``age`` in seconds."""
+    """Retention limits: ``size`` in bytes on disk, ``age`` in seconds."""
 
     size: int = 64 << 20
     age: float = 90 * 86400.0
 
 
 class History:
-    """The event store of one process. ``problem`` says why events are not on disk, empty while they are.
+    """Event store of one process. ``problem`` says why events are not on disk; empty while they are.
 
-    ``told`` hears of each event, with its robot, on the thread that added it: it must not wait.
+    ``told`` is called with each event and its robot, on the thread that added it: it must not wait.
     """
 
     def __init__(self, folder: Path, clock: Clock, bounds: HistoryBounds | None = None) -> None:
@@ -105,7 +105,7 @@ class History:
         return [record_of(row) for row in list(self._waiting)]
 
     def write(self) -> None:
-        """Put what waits on disk, and delete what is too old or too much; on the thread that may wait."""
+        """Write the waiting events and enforce the retention limits; only on a thread that may block."""
         now = self._clock.monotonic()
         if now < self._try_at or not (self._waiting or now >= self._prune_at):
             return
@@ -121,7 +121,7 @@ class History:
             self.problem = ""
 
     def close(self) -> None:
-        """Write what waits once more, and close the file; on the thread that may wait."""
+        """Write the waiting events a last time and close the file; only on a thread that may block."""
         self._try_at = float("-inf")
         self._patience = LAST_PATIENCE
         if self._database is not None:
@@ -130,9 +130,9 @@ class History:
         self._shut()
 
     def _opened(self) -> sqlite3.Connection:
-        """Return the file, opened when it is not; raises StateError, OSError, sqlite3.Error."""
+        """Return the open file, opening it if necessary; raises StateError, OSError, sqlite3.Error."""
         path = self.folder / HISTORY
-        if not path.exists():  # not yet, or removed under us: nobody would see what goes there
+        if not path.exists():  # not yet made, or deleted while open: nobody could read what is written there
             self._shut()
         if self._database is None:
             made(self.folder)
@@ -151,7 +151,7 @@ class History:
             self._database = None
 
     def _commit(self, database: sqlite3.Connection) -> None:
-        """Write all that waits in one transaction; what the disk does not take goes on waiting."""
+        """Write all waiting events in one transaction; they keep waiting if it fails."""
         rows = list(self._waiting)
         lost = self._lost
         if lost:
@@ -169,12 +169,12 @@ class History:
                 database.execute("ROLLBACK")
             raise
         self._lost -= lost
-        for row in rows:  # some of them may have made room for newer ones meanwhile
+        for row in rows:  # ``add`` may have dropped some of them meanwhile, to make room for newer ones
             if self._waiting and self._waiting[0] is row:
                 self._waiting.popleft()
 
     def _prune(self, database: sqlite3.Connection) -> bool:
-        """Delete some of what is too old, or too much; return whether there is more."""
+        """Delete some of the events beyond the limits; return True when more remain."""
         oldest = self._clock.time() - self._bounds.age
         deleted = database.execute(_TOO_OLD, (oldest, NEWEST, AT_ONCE)).rowcount
         pages, free = (
@@ -185,7 +185,7 @@ class History:
         return bool(deleted >= AT_ONCE)
 
     def _fail(self, error: Exception) -> None:
-        """Tell that events are kept in memory alone; a damaged file is set aside when it is opened again."""
+        """Report that events are kept only in memory; a damaged file is moved aside when opened again."""
         if isinstance(error, sqlite3.Error) and (is_corrupt(error) or _may_heal(error)):
             self._shut()
         problem = f"the history is kept in memory alone: {error}"
@@ -195,5 +195,5 @@ class History:
 
 
 def _may_heal(error: sqlite3.Error) -> bool:
-    """Return True for a file whose disk failed, or takes no writes: it is opened again."""
+    """Return True for a file on a disk that failed or is read-only: it must be opened again to recover."""
     return getattr(error, "sqlite_errorcode", 0) & 0xFF in (sqlite3.SQLITE_READONLY, sqlite3.SQLITE_IOERR)

@@ -1,1 +1,1 @@
-"""Ways to reach a robot: UDP, TCP, serial, memory; framing and back-off. No protocol lives here."""
+"""Links to robots: UDP, TCP, serial, in-memory; framing and back-off. No robot protocol is known here."""

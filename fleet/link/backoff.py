@@ -1,4 +1,4 @@
-"""How long to wait before a fallen link, robot or session is tried again."""
+"""Exponential back-off with jitter, between attempts to reconnect a link, robot or session."""
 
 from __future__ import annotations
 
@@ -17,10 +17,10 @@ def backoff(
     jitter: float = 0.25,
     fraction: Callable[[], float] = random.random,
 ) -> Iterator[float]:
-    """Yield seconds to wait, growing by ``factor`` from ``first`` to ``longest``, for ever.
+    """Yield delays in seconds, growing by ``factor`` from ``first`` to ``longest``, for ever.
 
-    Each is shortened by up to ``jitter`` of itself, so that robots that fell together do not come back
-    together. ``fraction`` gives numbers in [0, 1). A success starts a new generator.
+    Each delay is shortened by up to its ``jitter`` fraction, so that robots that were lost together do not
+    reconnect together. ``fraction`` returns random numbers in [0, 1). After a success, start a new generator.
     """
     delay = first
     while True:

@@ -1,4 +1,4 @@
-"""A link carries bytes to and from one robot (or several on one port) and knows no protocol."""
+"""Link interface: carries bytes to and from one robot (or several on one port); knows no protocol."""
 
 from __future__ import annotations
 
@@ -15,16 +15,16 @@ class Link(Protocol):
     url: str
 
     def fileno(self) -> int:
-        """Return the descriptor that is written to, -1 for a link that has none."""
+        """Return the file descriptor that ``send`` writes to, -1 for a link without one."""
 
     def send(self, data: bytes, address: Address = None) -> None:
-        """Write, never blocking. Without an address: to whom was heard last (datagrams).
+        """Write without blocking. Without an address, datagrams go to the peer that was last heard.
 
-        May be called from any thread. Raises LinkLost when the link is gone.
+        May be called from any thread. Raises LinkLost when the link is down.
         """
 
     async def lost(self) -> None:
-        """Wait until the link falls, then raise LinkLost with the reason."""
+        """Wait until the link goes down, then raise LinkLost with the reason."""
 
     async def close(self) -> None:
         """Close; nothing is received after this returns."""

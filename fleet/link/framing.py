@@ -1,4 +1,4 @@
-"""How a stream of bytes is cut into frames, with a bound so that garbage cannot fill memory."""
+"""Framing: cuts a byte stream into frames, with a length limit so that garbage cannot fill memory."""
 
 from __future__ import annotations
 
@@ -6,33 +6,33 @@ from typing import Protocol
 
 
 class Framer(Protocol):
-    """The state of cutting one stream."""
+    """Framing state of one stream."""
 
     def feed(self, data: bytes) -> list[bytes]:
-        """Take what arrived; return the frames it completes."""
+        """Take received bytes; return the frames that they complete."""
 
 
 class Framing(Protocol):
-    """A way to cut; makes a fresh cutter for each opened link."""
+    """A framing rule; makes a new framer for each opened link."""
 
     def cutter(self) -> Framer:
-        """Return a cutter with nothing in it."""
+        """Return an empty framer."""
 
 
 class LineFraming:
-    """Frames are lines; the ending is not part of the frame; longer lines are skipped to the next."""
+    """Frames are lines, without their ending; a line longer than ``limit`` bytes is skipped."""
 
     def __init__(self, ending: bytes = b"\n", limit: int = 4096) -> None:
         self.ending = ending
         self.limit = limit
 
     def cutter(self) -> Framer:
-        """Return a cutter with nothing in it."""
+        """Return an empty framer."""
         return _LineCutter(self.ending, self.limit)
 
 
 class _LineCutter:
-    """Collects bytes up to the ending."""
+    """Collects bytes up to the line ending."""
 
     def __init__(self, ending: bytes, limit: int) -> None:
         self._ending = ending
@@ -41,27 +41,28 @@ class _LineCutter:
         self._skipping = False
 
     def feed(self, data: bytes) -> list[bytes]:
-        """Take what arrived; return the whole lines."""
+        """Take received bytes; return the complete lines."""
         *lines, self._rest = (self._rest + data).split(self._ending)
         if self._skipping and lines:
             del lines[0]
             self._skipping = False
         if len(self._rest) > self._limit:
+            # Drop the overlong line, but keep what may be the first bytes of its ending.
             self._rest = self._rest[-len(self._ending) + 1 :] if len(self._ending) > 1 else b""
             self._skipping = True
         return [line.rstrip(b"\r") for line in lines if 0 < len(line) <= self._limit]
 
 
 class DatagramFraming:
-    """Each piece that arrives is a frame (datagrams)."""
+    """Each received piece is a frame (datagrams)."""
 
     def cutter(self) -> Framer:
-        """Return a cutter that cuts nothing."""
+        """Return a framer that passes each piece through."""
         return _WholeCutter()
 
 
 class _WholeCutter:
-    """Passes pieces on as they are."""
+    """Returns each piece as one frame."""
 
     def feed(self, data: bytes) -> list[bytes]:
         """Return the piece."""

@@ -1,8 +1,9 @@
-"""The newest motion only: a slot in front of a slow line, so that nothing old waits in a buffer.
+"""Latest-value slot for motion in front of a slow line, so that no old motion waits in a buffer.
 
-A line carries its bytes one after the other, and what is in the kernel cannot be taken back. So motion is
-handed over only while no more than one frame is still on its way; until then the slot keeps the newest and
-forgets the former. A stop does not wait: it empties the slot and goes out at once, from any thread.
+Bytes handed to the kernel cannot be taken back, and a slow line sends them one after the other. So motion is
+handed over only while at most one frame is still being sent; until then the slot keeps the newest motion
+and discards the previous one. A stop does not wait: it empties the slot and is written at once, from any
+thread.
 """
 
 from __future__ import annotations
@@ -13,14 +14,15 @@ from fleet.clock import Clock
 from fleet.errors import LinkLost
 from fleet.link.base import Address, Link
 
-BITS_A_BYTE = 10  # start, eight, stop
-Frames = tuple[bytes, ...]  # what belongs together; each is written by itself
+BITS_A_BYTE = 10  # on a serial line: start bit, eight data bits, stop bit
+Frames = tuple[bytes, ...]  # frames that belong together; each is one write
 
 
 class LatestMotion:
-    """What is written to one link. ``baud``: 0 for no pace; ``peer``: to whom (datagrams).
+    """Writer of one link. ``baud`` paces motion (0: no pacing); ``peer``: destination address (datagrams).
 
-    ``held_back`` counts motion that a newer one replaced before the line was free.
+    ``turn`` counts the stops. ``held_back`` counts motion that was replaced by newer motion before the line
+    was free.
     """
 
     def __init__(self, link: Link, clock: Clock, *, baud: int = 0) -> None:
@@ -30,15 +32,16 @@ class LatestMotion:
         self._link = link
         self._clock = clock
         self._byte_time = BITS_A_BYTE / baud if baud else 0.0
-        self._free_at = 0.0  # monotonic s at which the line has carried all that was written
+        self._free_at = 0.0  # monotonic s at which the line will have sent everything written so far
         self._waiting: Frames = ()
         self._lock = threading.Lock()  # held for sends only, which never block
 
     def put(self, motion: Frames, turn: int, *, at_once: bool = False) -> bool:
-        """Write motion, or keep it until the line is free; from now on it is the newest.
+        """Write motion, or keep it as the newest until the line is free.
 
-        ``turn`` is the slot's when the motion was decided. False: a stop came in between, it is forgotten.
-        ``no_wait``: it must not be replaced by newer motion, so it does not wait. Raises LinkLost.
+        ``turn`` is the slot's turn at the time the motion was decided. Returns False when a stop came in
+        between: the motion is discarded. ``at_once``: newer motion must not replace it, so it is written
+        without waiting for the line. Raises LinkLost.
         """
         with self._lock:
             if turn != self.turn:
@@ -52,20 +55,20 @@ class LatestMotion:
             return True
 
     def flush(self) -> None:
-        """Write what waits if the line is free now; call it often. Raises LinkLost."""
+        """Write the waiting motion if the line is free now; call it often. Raises LinkLost."""
         if self._waiting:
             with self._lock:
                 self._write_waiting()
 
     def send(self, *frames: bytes) -> None:
-        """Write what is not motion; raises LinkLost."""
+        """Write frames that are not motion; raises LinkLost."""
         with self._lock:
             self._write(frames)
 
     def halt(self, stop: Frames) -> bool:
-        """Forget all motion and write the stop at once; from any thread. False: the link is gone."""
+        """Discard all motion and write the stop at once; from any thread. False: the link is down."""
         with self._lock:
-            self.turn += 1
+            self.turn += 1  # motion decided before this stop is refused by ``put``
             self._waiting = ()
             try:
                 self._write(stop)
@@ -74,14 +77,14 @@ class LatestMotion:
             return True
 
     def _write_waiting(self) -> None:
-        """Write the newest motion unless more than its own length is still under way."""
+        """Write the newest motion unless more bytes than its own length are still unsent."""
         if not self._waiting or self._inflight() > sum(map(len, self._waiting)):
             return
         motion, self._waiting = self._waiting, ()
         self._write(motion)
 
     def _write(self, frames: Frames) -> None:
-        """Write, and note how long the line is busy with it."""
+        """Write, and note until when the line is busy."""
         for frame in frames:
             if frame:
                 self._link.send(frame, self.peer)
@@ -90,8 +93,8 @@ class LatestMotion:
             self._free_at = max(self._free_at, self._clock.monotonic()) + busy
 
     def _inflight(self) -> int:
-        """Return the bytes that have not left: those in the kernel, or by the line's own speed if more."""
-        unsent = getattr(self._link, "unsent", None)  # only streams can tell
+        """Return the number of unsent bytes: those in the kernel, or those by the line's speed if more."""
+        unsent = getattr(self._link, "unsent", None)  # only streams have it
         in_kernel: int = unsent() if unsent is not None else 0
         if not self._byte_time:
             return in_kernel

@@ -1,4 +1,4 @@
-"""How a link ends: once, with a reason, noticed from any thread."""
+"""End of a link: recorded once, with its reason, from any thread."""
 
 from __future__ import annotations
 
@@ -9,10 +9,10 @@ from fleet.errors import LinkLost
 
 
 class LinkEnd:
-    """The end of one open link; made on the loop that the link lives on."""
+    """End of one open link; created on the event loop of the link."""
 
     def __init__(self, url: str) -> None:
-        self.ended = False  # True once the link fell or was closed
+        self.ended = False  # True once the link is down or closed
         self._url = url
         self._reason = ""
         self._over = asyncio.Event()
@@ -23,10 +23,10 @@ class LinkEnd:
         return LinkLost(f"{self._url}: {self._reason}")
 
     def fall(self, reason: str) -> LinkLost:
-        """Note the end, from any thread; the first reason stays. Returns the error to raise."""
+        """Record the end, from any thread; the first reason is kept. Returns the error to raise."""
         if not self.ended:
             self._reason, self.ended = reason, True
-            # A loop that has ended has nobody left who waits.
+            # RuntimeError: the loop is closed, so nothing waits on it any more.
             with contextlib.suppress(RuntimeError):
                 self._loop.call_soon_threadsafe(self._over.set)
         return self.error()

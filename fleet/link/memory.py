@@ -1,4 +1,4 @@
-"""A link whose robot is in this process: for tests and dry runs."""
+"""In-memory link to a robot in this process, for tests and dry runs."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from fleet.link.link_end import LinkEnd
 
 
 class MemoryLink:
-    """The host's end; what it sends is with the robot at once, from any thread."""
+    """The host's end; bytes that it sends reach the robot at once, from any thread."""
 
     def __init__(self, url: str, robot: MemoryRobot, receiver: Receiver) -> None:
         self.url = url
@@ -29,28 +29,28 @@ class MemoryLink:
         return -1
 
     def send(self, data: bytes, address: Address = None) -> None:  # noqa: ARG002 - there is one peer
-        """Hand the bytes to the robot; raises LinkLost once the link ended."""
+        """Hand the bytes to the robot; raises LinkLost once the link has ended."""
         if self._ending.ended:
             raise self._ending.error()
         self.stats.sent += 1
         self._robot.take(data)
 
     def arrive(self, data: bytes) -> None:
-        """Take bytes from the robot, from any thread."""
+        """Deliver bytes from the robot, from any thread."""
         self._loop.call_soon_threadsafe(self._pass_on, data)
 
     def _pass_on(self, data: bytes) -> None:
-        """Give bytes to the receiver, unless the link ended while they were under way."""
+        """Give bytes to the receiver, unless the link ended before this call was scheduled."""
         if not self._ending.ended:
             self.stats.received += 1
             self._receiver(data, None)
 
     def fall(self, reason: str) -> None:
-        """End the link as an unplugged cable does."""
+        """End the link, as an unplugged cable would."""
         self._ending.fall(reason)
 
     async def lost(self) -> None:
-        """Wait until the link falls, then raise LinkLost."""
+        """Wait until the link goes down, then raise LinkLost."""
         await self._ending.wait()
 
     async def close(self) -> None:
@@ -59,10 +59,10 @@ class MemoryLink:
 
 
 class MemoryRobot:
-    """The robot's end, reached as ``memory:NAME`` while it is entered (``with MemoryRobot(...)``).
+    """The robot's end, reachable as ``memory:NAME`` inside ``with MemoryRobot(...)``.
 
-    ``answer`` is called with what each send wrote and returns what the robot says to it.
-    ``heard`` is everything that was written, one piece per send; ``opened`` counts the links.
+    ``answer`` is called with the bytes of each send and returns the robot's response.
+    ``heard`` holds all bytes that were sent, one item per send; ``opened`` counts the links.
     """
 
     def __init__(self, name: str, answer: Callable[[bytes], bytes] | None = None) -> None:
@@ -85,17 +85,17 @@ class MemoryRobot:
         self.unplug("the robot left")
 
     def connect(self, link: MemoryLink) -> None:
-        """Take a freshly opened link; an older one falls."""
+        """Attach a newly opened link; a previous one goes down."""
         self.unplug("another link took its place")
         self._link = link
         self.opened += 1
 
     def take(self, data: bytes) -> None:
-        """Hear what the host wrote, and answer."""
+        """Receive bytes from the host, and respond."""
         self.heard.append(data)
-        said = self._answer(data) if self._answer else b""
-        if said:
-            self.say(said)
+        response = self._answer(data) if self._answer else b""
+        if response:
+            self.say(response)
 
     def say(self, data: bytes) -> None:
         """Send bytes to the host."""
@@ -103,18 +103,18 @@ class MemoryRobot:
             self._link.arrive(data)
 
     def unplug(self, reason: str = "unplugged") -> None:
-        """Let the open link fall."""
+        """End the open link, if there is one."""
         if self._link is not None:
             self._link.fall(reason)
             self._link = None
 
 
-# Names are looked up here because a URL is all that fleet.yaml can hold.
+# A registry by name, because fleet.yaml can only hold a URL.
 _ROBOTS: WeakValueDictionary[str, MemoryRobot] = WeakValueDictionary()
 
 
 async def open_memory(url: str, name: str, receiver: Receiver) -> MemoryLink:
-    """Reach the robot of this name; raises LinkLost while there is none."""
+    """Connect to the robot of this name; raises LinkLost while there is none."""
     robot = _ROBOTS.get(name)
     if robot is None:
         raise LinkLost(f"{url}: no robot of this name is in this process")

@@ -1,7 +1,7 @@
-"""The motion of one robot on one open link: the newest velocity kept up, and the stop that overtakes it.
+"""Motion of one robot on one open link: repeats the newest velocity, and lets a stop overtake it.
 
-``drive`` and ``look`` are called on one thread, ``halt`` on any, also while the former are inside a
-translation. So what is decided carries the turn it was decided in, and is not written after a later halt.
+``drive`` and ``look`` are called on one thread, ``halt`` on any, even while the first two are inside
+``encode``. So each decision carries the turn in which it was made, and is not written after a later halt.
 """
 
 from __future__ import annotations
@@ -13,14 +13,14 @@ from fleet.errors import LinkLost, NotReady
 from fleet.link.latest_motion import Frames, LatestMotion
 from fleet.model.geometry import Velocity
 
-LOOK = 0.02  # s between two looks
-STOP_REPEATS = 5  # times that a stop or a zero is repeated, in case the line lost it
+LOOK = 0.02  # s between two calls of ``look``
+STOP_REPEATS = 5  # repeats of a stop or of a zero velocity, in case the line lost it
 
 
 class MotionSender:
-    """What moves one robot. ``encode`` gives the frames that hold a velocity, ``stop`` those that end it.
+    """Sends the motion of one robot. ``encode`` returns the frames for a velocity, ``stop`` those of a stop.
 
-    ``every``: s between two frames that hold a velocity; ``idle``: a robot at rest is told so as well.
+    ``every``: s between two repeats of a velocity; ``idle``: also send the stop while the robot is at rest.
     """
 
     def __init__(
@@ -37,28 +37,28 @@ class MotionSender:
         self._clock = clock
         self._encode = encode
         self._stop = stop
-        self._every = every - LOOK / 2  # the look that is nearest
+        self._every = every - LOOK / 2  # so that the nearest call of ``look`` repeats, not the next one
         self._idle = idle
-        self._held: tuple[int, Velocity | None] | None = None  # since which turn; None: nothing is kept up
-        self._repeats = 0  # left of what is not motion
+        self._held: tuple[int, Velocity | None] | None = None  # turn and velocity; no velocity: no repeats
+        self._repeats = 0  # repeats left of a stop or a zero velocity
         self._written = 0.0
 
     @property
     def turn(self) -> int:
-        """The turn of what is decided now, for ``carry_out``."""
+        """The current turn; pass it to ``carry_out`` with frames decided now."""
         return self._slot.turn
 
     def drive(self, velocity: Velocity) -> None:
-        """Write this velocity and keep it up; raises NotReady, and what the translation raises."""
+        """Write this velocity and repeat it; raises NotReady, and whatever ``encode`` raises."""
         turn = self.turn
         self._put(self._encode(velocity), turn, velocity)
 
     def carry_out(self, frames: Frames, turn: int) -> None:
-        """Write a command that moves the robot, in place of a velocity; raises NotReady."""
+        """Write a command that moves the robot and replaces the velocity; raises NotReady."""
         self._put(frames, turn, None)
 
     def _put(self, frames: Frames, turn: int, velocity: Velocity | None) -> None:
-        """Write what was decided in ``turn``, unless a halt came in between."""
+        """Write frames decided in ``turn``, unless a halt came in between."""
         try:
             written = self._slot.put(frames, turn, at_once=velocity is None)
         except LinkLost as error:
@@ -70,12 +70,12 @@ class MotionSender:
         self._written = self._clock.monotonic()
 
     def halt(self) -> None:
-        """Write the stop at once, and a few times more; from any thread."""
+        """Write the stop at once and schedule its repeats; from any thread."""
         self._repeats = STOP_REPEATS
         self._slot.halt(self._stop())
 
     def look(self) -> None:
-        """Write what waits, and what is due again; call it every ``LOOK`` s. Raises LinkLost."""
+        """Write waiting motion and due repeats; call it every ``LOOK`` s. Raises LinkLost."""
         self._slot.flush()
         now = self._clock.monotonic()
         if now - self._written < self._every:
@@ -87,7 +87,7 @@ class MotionSender:
             self._slot.put(frames, turn)
 
     def _again(self, turn: int) -> Frames:
-        """Return what is due again: a velocity, for as long as it is held; a stop or a zero, a few times."""
+        """Return the frames to repeat: a velocity while it is held; a stop or a zero a few times."""
         velocity = None
         if self._held is not None and self._held[0] == turn:
             velocity = self._held[1]

@@ -1,4 +1,4 @@
-"""Host names to addresses, without blocking the loop."""
+"""Name resolution without blocking the event loop."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ from fleet.link.base import Address
 
 
 async def addresses_of(url: str, host: str, port: int, kind: int) -> list[tuple[Any, int, Address]]:
-    """Return (family, protocol, address) of each address of ``host``, best first.
+    """Return (family, protocol, address) for each address of ``host``, best first.
 
-    Raises LinkLost for a name that has none: name servers come and go with the network.
+    Raises LinkLost, which is retried, for a name without an address: the name server may be back later.
     """
     loop = asyncio.get_running_loop()
     try:

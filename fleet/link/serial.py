@@ -15,18 +15,18 @@ from fleet.link.stream import StreamLink
 if TYPE_CHECKING:
     import serialx
 
-_BACKLOG = 0.5  # s of line time that may wait: with 10 bits a byte, baud / 10 bytes leave in a second
-_SMALLEST_BACKLOG = 512  # bytes, so that a slow line still takes one long frame
+_BACKLOG = 0.5  # s of line time that may be unsent: at 10 bits a byte, a line sends baud / 10 bytes a second
+_SMALLEST_BACKLOG = 512  # bytes, so that a slow line still accepts one long frame
 
 
 async def open_serial(url: str, path: str, baud: int, receiver: Receiver) -> StreamLink:
-    """Open a serial device for this program alone, without touching DTR and RTS (they reset many boards).
+    """Open a serial device exclusively, without touching DTR and RTS (they reset many boards).
 
     Raises LinkLost while the device is not plugged in; LinkRefused without permission, when another
-    program has it, when it is no serial device, or without the extra ``serial``.
+    program has the device open, when it is not a serial device, or without the extra ``serial``.
     """
     try:
-        serialx = await asyncio.to_thread(_library)  # its first import takes longer than a loop may stand
+        serialx = await asyncio.to_thread(_library)  # its first import would block the loop for too long
     except ImportError:
         raise LinkRefused(f"{url}: serial lines need an extra: pip install 'zenoh-fleet[serial]'") from None
     untouched = serialx.PinState.UNDEFINED
@@ -62,9 +62,9 @@ def _library() -> Any:
 
 
 def _close(port: serialx.Serial, throw_away: bool) -> None:  # noqa: FBT001 - called by StreamLink only
-    """Close the port; the kernel waits for bytes under way, so a line that fell is emptied first."""
+    """Close the port. The kernel waits for unsent bytes, so those of a dead line are discarded first."""
     if throw_away:
-        with contextlib.suppress(OSError):  # an unplugged device has nothing to empty
+        with contextlib.suppress(OSError):  # an unplugged device has no buffer to discard
             port.reset_write_buffer()
     port.close()
 
@@ -78,7 +78,7 @@ _REFUSED = {
 
 
 def _why_unopened(url: str, error: OSError) -> LinkError:
-    """Return the error that says why the device cannot be opened, and what to do."""
+    """Return the error for a device that cannot be opened, with the reason and the remedy."""
     if error.errno in _REFUSED:
         return LinkRefused(f"{url}: {_REFUSED[error.errno]}")
     return LinkLost(f"{url}: {error.strerror or error}; is it plugged in?")

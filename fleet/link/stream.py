@@ -1,8 +1,8 @@
-"""A stream of bytes over one file descriptor; what TCP and serial have in common.
+"""Byte stream over one file descriptor: the common part of TCP and serial links.
 
-The descriptor is written to directly, so a stop goes out even while the loop is stuck. What the robot
-has not taken waits in the kernel, where it cannot be recalled: it is motion that arrives late. So the
-backlog has a limit, and beyond it the link counts as fallen rather than growing older.
+Sends write to the descriptor directly, so a stop goes out even while the event loop is blocked. Bytes that
+the robot has not read wait in the kernel, where they cannot be recalled: they are motion that arrives late.
+So the backlog is limited, and a link that exceeds it counts as down.
 """
 
 from __future__ import annotations
@@ -19,12 +19,12 @@ from fleet.errors import LinkLost
 from fleet.link.base import Address, LinkStats, Receiver
 from fleet.link.link_end import LinkEnd
 
-_PIECE = 65536  # bytes taken per wake-up
-CloseDescriptor = Callable[[bool], None]  # True: throw away what is not yet sent
+_PIECE = 65536  # bytes read per wake-up
+CloseDescriptor = Callable[[bool], None]  # True: discard unsent bytes
 
 
 class StreamLink:
-    """An open stream; ``backlog`` is how many bytes may wait in the kernel.
+    """An open stream; ``backlog`` is the number of bytes that may wait in the kernel.
 
     ``close_descriptor`` may block and is called once, on a thread.
     """
@@ -46,13 +46,13 @@ class StreamLink:
         self._close_descriptor = close_descriptor
         self._closed = False
         self._ending = LinkEnd(url)
-        # Held for one system call: another thread must not write to a descriptor that was just reused.
+        # Held for one system call: a thread must not write to a descriptor that was closed and then reused.
         self._lock = threading.Lock()
         self._loop = asyncio.get_running_loop()
         self._loop.add_reader(descriptor, self._readable)
 
     def fileno(self) -> int:
-        """Return the descriptor that is written to."""
+        """Return the file descriptor that ``send`` writes to."""
         return self._descriptor
 
     def send(self, data: bytes, address: Address = None) -> None:  # noqa: ARG002 - streams have one peer
@@ -70,18 +70,18 @@ class StreamLink:
             self.stats.sent += 1
 
     def unsent(self) -> int:
-        """Return how many bytes wait in the kernel, 0 once the link ended; from any thread."""
+        """Return the number of bytes that wait in the kernel, 0 once the link has ended; from any thread."""
         with self._lock:
             if self._ending.ended:
                 return 0
             try:
                 return _unsent(self._descriptor)
-            except OSError as error:  # an unplugged device, before the loop has noticed it
+            except OSError as error:  # the device was unplugged, and the loop has not noticed yet
                 self._ending.fall(str(error.strerror or error))
                 return 0
 
     def _write(self, data: bytes) -> None:
-        """Hand the bytes to the kernel; half a frame cannot be taken back, so it ends the link."""
+        """Hand the bytes to the kernel. A partial write ends the link: half a frame cannot be taken back."""
         waiting = _unsent(self._descriptor)
         if waiting > self._backlog:
             raise self._ending.fall(f"the robot does not read: {waiting} bytes wait for it")
@@ -93,7 +93,7 @@ class StreamLink:
             raise self._ending.fall("the robot does not read: the way to it is full")
 
     def _readable(self) -> None:
-        """Pass on what has arrived, or notice the end."""
+        """Read received bytes and pass them to the receiver, or note the end of the stream."""
         try:
             data = os.read(self._descriptor, _PIECE)
         except (BlockingIOError, InterruptedError):
@@ -108,16 +108,16 @@ class StreamLink:
         self._receiver(data, None)
 
     def _fall(self, reason: str) -> None:
-        """Note the end and stop listening to a descriptor that would stay readable for ever."""
+        """Record the end, and remove the reader: a dead descriptor stays readable for ever."""
         self._loop.remove_reader(self._descriptor)
         self._ending.fall(reason)
 
     async def lost(self) -> None:
-        """Wait until the link falls, then raise LinkLost with the reason."""
+        """Wait until the link goes down, then raise LinkLost with the reason."""
         await self._ending.wait()
 
     async def close(self) -> None:
-        """Close; nothing is received after this returns. After a fall, what was not sent is thrown away."""
+        """Close; nothing is received after this returns. A link that is down discards its unsent bytes."""
         with self._lock:
             if self._closed:
                 return
@@ -129,7 +129,7 @@ class StreamLink:
 
 
 def _unsent(descriptor: int) -> int:
-    """Return how many bytes wait in the kernel (TIOCOUTQ; for a TCP socket: not yet acknowledged)."""
+    """Return the number of bytes that wait in the kernel (TIOCOUTQ; on a TCP socket: unacknowledged)."""
     count = array.array("i", [0])
     fcntl.ioctl(descriptor, termios.TIOCOUTQ, count)
     return count[0]

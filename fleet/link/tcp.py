@@ -1,4 +1,4 @@
-"""TCP, as a client."""
+"""TCP links (client side)."""
 
 from __future__ import annotations
 
@@ -14,19 +14,19 @@ from fleet.link.stream import StreamLink
 
 CONNECT_TIMEOUT = 5.0  # s
 _BACKLOG = 16 * 1024  # bytes, some 300 MAVLink frames
-# What the other side has not acknowledged within this time will not arrive in time: the link fell.
+# Data not acknowledged within this time would arrive too late: the link counts as down.
 _UNACKNOWLEDGED = 5000  # ms, TCP_USER_TIMEOUT
-_AT_ONCE = struct.pack("ii", 1, 0)  # linger, for no second
+_AT_ONCE = struct.pack("ii", 1, 0)  # struct linger: on, 0 s
 _KEEPALIVE = ((socket.TCP_KEEPIDLE, 5), (socket.TCP_KEEPINTVL, 2), (socket.TCP_KEEPCNT, 3))  # s, s, tries
 
 
 def reset_on_close(opened: socket.socket) -> None:
-    """Have a socket's close be a reset: nothing of it stays in the kernel, to arrive late."""
+    """Make the close of a socket a reset, so that no unsent bytes stay in the kernel and arrive late."""
     opened.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, _AT_ONCE)
 
 
 async def open_tcp(url: str, host: str, port: int, receiver: Receiver) -> StreamLink:
-    """Connect within CONNECT_TIMEOUT; raises LinkLost when nobody answers at any address of the host."""
+    """Connect within CONNECT_TIMEOUT; raises LinkLost when no address of the host answers."""
     reasons = []
     for family, protocol, address in await addresses_of(url, host, port, socket.SOCK_STREAM):
         sock = socket.socket(family, socket.SOCK_STREAM, protocol)
@@ -44,7 +44,7 @@ async def open_tcp(url: str, host: str, port: int, receiver: Receiver) -> Stream
 
 
 async def _connect(sock: socket.socket, address: tuple[str, int]) -> None:
-    """Connect a socket that sends at once and notices a dead peer."""
+    """Connect a socket with no send delay (TCP_NODELAY) and with detection of a dead peer."""
     sock.setblocking(False)
     sock.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
     sock.setsockopt(socket.IPPROTO_TCP, socket.TCP_USER_TIMEOUT, _UNACKNOWLEDGED)
@@ -56,7 +56,7 @@ async def _connect(sock: socket.socket, address: tuple[str, int]) -> None:
 
 
 def _link(url: str, sock: socket.socket, receiver: Receiver) -> StreamLink:
-    """Return the open link, which owns the socket from now on."""
+    """Return the open link, which then owns the socket."""
 
     def close(throw_away: bool) -> None:  # noqa: FBT001 - called by StreamLink only
         if throw_away:

@@ -1,4 +1,4 @@
-"""Datagrams. The socket is written to directly, so a stop goes out even while the loop is stuck."""
+"""UDP links. Sends write to the socket directly, so a stop goes out even while the loop is blocked."""
 
 from __future__ import annotations
 
@@ -15,15 +15,15 @@ from fleet.link.link_end import LinkEnd
 from fleet.link.resolve import addresses_of
 
 _LARGEST = 65535  # bytes, the largest datagram
-_BATCH = 8  # datagrams taken per wake-up: a flood, or fifty robots at once, must not hold the loop
+_BATCH = 8  # datagrams read per wake-up: a flood, or fifty robots at once, must not block the loop
 
 
 class UdpLink:
     """A datagram socket, bound (``udpin``) or connected (``udpout``).
 
-    A datagram that cannot leave at once is dropped and counted, as is one to nobody: a datagram may be
-    lost anywhere, and a motion that waited is worse than one that was lost. So this link never falls by
-    itself; silence is for its user to notice.
+    A datagram that cannot be sent at once, or that has no known peer, is dropped and counted: any datagram
+    may be lost on the way, and delayed motion is worse than lost motion. So this link never goes down by
+    itself; its user must notice silence.
     """
 
     def __init__(self, url: str, sock: socket.socket, receiver: Receiver, peer: Address = None) -> None:
@@ -34,7 +34,7 @@ class UdpLink:
         self._peer = peer
         self._learns = peer is None
         self._ending = LinkEnd(url)
-        # Held for one system call: another thread must not write to a descriptor that was just reused.
+        # Held for one system call: a thread must not write to a descriptor that was closed and then reused.
         self._lock = threading.Lock()
         self._loop = asyncio.get_running_loop()
         self._loop.add_reader(sock, self._readable)
@@ -44,19 +44,20 @@ class UdpLink:
         return self._sock.fileno()
 
     def send(self, data: bytes, address: Address = None) -> None:
-        """Write one datagram to ``address``, or to whom was heard last; from any thread, never blocking."""
+        """Write one datagram to ``address``, or to the peer last heard; from any thread, without blocking."""
         target = address or self._peer
         with self._lock:
             if self._ending.ended:
                 raise self._ending.error()
-            # The refusal of an earlier datagram is told on this one, which is then not sent: once more.
+            # The kernel reports the ICMP error of an earlier datagram on this send, and does not send this
+            # datagram: so try a second time.
             if target is not None and (self._sent(data, target) or self._sent(data, target)):
                 self.stats.sent += 1
             else:
                 self.stats.dropped += 1
 
     def _sent(self, data: bytes, target: Address) -> bool:
-        """Return True when the kernel took the datagram."""
+        """Send a datagram; return True when the kernel accepted it."""
         try:
             if self._learns:
                 self._sock.sendto(data, target)
@@ -67,12 +68,12 @@ class UdpLink:
         return True
 
     def _readable(self) -> None:
-        """Pass on what has arrived."""
+        """Read received datagrams and pass them to the receiver."""
         for _ in range(_BATCH):
             try:
                 data, address = self._sock.recvfrom(_LARGEST)
             except ConnectionRefusedError:
-                continue  # ICMP: nobody listens there yet
+                continue  # ICMP error of an earlier send: nobody listens there yet
             except OSError:
                 return
             if self._learns:
@@ -97,9 +98,9 @@ class UdpLink:
 
 
 async def open_listening(url: str, host: str, port: int, receiver: Receiver) -> UdpLink:
-    """Bind (port 0: any free one, told by ``link.url``) and answer whoever was heard last.
+    """Bind (port 0: any free port; see ``link.url``) and send to the peer that was last heard.
 
-    Raises LinkRefused when the port is taken or the address is not this computer's.
+    Raises LinkRefused when the port is in use or the address is not one of this computer.
     """
     family, _, address = (await addresses_of(url, host, port, socket.SOCK_DGRAM))[0]
     sock = _socket(family)
@@ -114,7 +115,7 @@ async def open_listening(url: str, host: str, port: int, receiver: Receiver) -> 
 
 
 async def open_speaking(url: str, host: str, port: int, receiver: Receiver) -> UdpLink:
-    """Send to one address, and hear only it; raises LinkLost when there is no way to it now."""
+    """Send to one address and receive only from it; raises LinkLost when it has no route now."""
     family, _, address = (await addresses_of(url, host, port, socket.SOCK_DGRAM))[0]
     sock = _socket(family)
     try:
@@ -126,7 +127,7 @@ async def open_speaking(url: str, host: str, port: int, receiver: Receiver) -> U
 
 
 def _socket(family: Any) -> socket.socket:
-    """Return a datagram socket that never blocks, with room for a burst of telemetry."""
+    """Return a non-blocking datagram socket with a receive buffer for a burst of telemetry."""
     sock = socket.socket(family, socket.SOCK_DGRAM)
     sock.setblocking(False)
     with contextlib.suppress(OSError):
@@ -142,5 +143,5 @@ _UNBOUND = {
 
 
 def _why_unbound(error: OSError) -> str:
-    """Say why the address cannot be listened on, and what to do."""
+    """Return why the address cannot be bound, and what to do."""
     return _UNBOUND.get(error.errno or 0, str(error.strerror))

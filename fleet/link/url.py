@@ -1,7 +1,7 @@
-"""Link URLs as they stand in fleet.yaml, and the one way to open them.
+"""Link URLs of fleet.yaml: parse, check, open.
 
-udpin:0.0.0.0:14550                     listen, answer whoever speaks
-udpout:192.168.1.10:14550               speak first
+udpin:0.0.0.0:14550                     listen, and answer the last peer heard
+udpout:192.168.1.10:14550               send first, to this peer only
 tcp:192.168.1.10:5760
 serial:/dev/serial/by-id/...?baud=57600
 can:socketcan:can0                      a CAN bus by python-can's interface and channel
@@ -39,7 +39,7 @@ _NAME = re.compile(r"[\w.-]+", re.ASCII)
 
 
 class LinkUrl(msgspec.Struct, frozen=True):
-    """A link URL in parts: ``host`` and ``port``, or ``path`` (device, or memory name) and ``baud``."""
+    """Parsed link URL: ``host`` and ``port``, or ``path`` (device, or memory name) and ``baud``."""
 
     text: str
     scheme: str
@@ -50,7 +50,7 @@ class LinkUrl(msgspec.Struct, frozen=True):
 
 
 def parse(url: str) -> LinkUrl:
-    """Return the parts of a link URL; raises LinkRefused with an example of how it should look."""
+    """Parse a link URL; raises LinkRefused with a correct example."""
     scheme, colon, rest = url.partition(":")
     if scheme == "sim":
         raise LinkRefused(f"{url!r}: this kind of robot has no simulator; use one of {_schemes()}")
@@ -68,17 +68,17 @@ def parse(url: str) -> LinkUrl:
 
 
 def _schemes() -> str:
-    """Return what a link URL may begin with."""
+    """Return the known schemes as text."""
     return ", ".join(f"{scheme}:" for scheme in EXAMPLES)
 
 
 def _malformed(url: str, reason: str) -> LinkRefused:
-    """Return the error for a URL of a known scheme."""
+    """Return the error for a malformed URL of a known scheme."""
     return LinkRefused(f"{url!r}: {reason}; write it like {EXAMPLES[url.partition(':')[0]]}")
 
 
 def _network(url: str, scheme: str, rest: str) -> LinkUrl:
-    """Take HOST:PORT apart; port 0 (any free port) is only for listening."""
+    """Parse HOST:PORT; port 0 (any free port) is only for listening."""
     match = _HOST_AND_PORT.fullmatch(rest)
     if match is None:
         raise _malformed(url, "expected HOST:PORT (an IPv6 address in brackets)")
@@ -89,7 +89,7 @@ def _network(url: str, scheme: str, rest: str) -> LinkUrl:
 
 
 def _device(url: str, rest: str) -> LinkUrl:
-    """Take PATH?baud=N apart. The speed has no default: a wrong one shows only as silence."""
+    """Parse PATH?baud=N. The baud rate has no default: a wrong one shows only as silence."""
     match = _DEVICE.fullmatch(rest)
     if match is None:
         raise _malformed(url, "expected an absolute device path and its speed, nothing else")
@@ -113,7 +113,7 @@ async def _open_can(url: str, receiver: Receiver) -> Link:
 
 
 def _checked(text: str) -> str:
-    """Return the text of a good link URL; raises ValueError, which pydantic tells with its place."""
+    """Return the text of a valid link URL; raises ValueError, which pydantic reports with its position."""
     try:
         parse(text)
     except LinkRefused as error:
@@ -122,7 +122,7 @@ def _checked(text: str) -> str:
 
 
 LinkText = Annotated[str, AfterValidator(_checked)]
-"""The type of a ``link`` field in an adapter's config: checked when fleet.yaml is read."""
+"""Type of a ``link`` field in an adapter's config; checked when fleet.yaml is loaded."""
 
 _OPENERS: dict[str, Callable[[LinkUrl, Receiver], Awaitable[Link]]] = {
     "udpin": lambda url, receiver: udp.open_listening(url.text, url.host, url.port, receiver),
@@ -135,10 +135,10 @@ _OPENERS: dict[str, Callable[[LinkUrl, Receiver], Awaitable[Link]]] = {
 
 
 async def open_link(url: str, receiver: Receiver) -> Link:
-    """Open a link; ``receiver(data, address)`` is called on this loop for what arrives and must not raise.
+    """Open a link; ``receiver(data, address)`` is called on this loop with received bytes; must not raise.
 
-    Raises LinkRefused when a person must act (bad URL, port taken, no permission, missing extra) and
-    LinkLost when it may work later (nobody answers, the device is not plugged in).
+    Raises LinkRefused when a person must act (bad URL, port in use, no permission, missing extra) and
+    LinkLost when a retry may succeed (no answer, device not plugged in).
     """
     parts = parse(url)
     return await _OPENERS[parts.scheme](parts, receiver)

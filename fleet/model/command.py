@@ -1,4 +1,4 @@
-"""What may be asked of a robot: a command, a setpoint of its velocity or joints, navigation; the answer."""
+"""Requests to a robot (commands, velocity and joint setpoints) and the reply to each."""
 
 from __future__ import annotations
 
@@ -12,19 +12,19 @@ from fleet.model.geometry import Velocity
 
 
 class Transport(enum.StrEnum):
-    """The way by which something was asked."""
+    """Transport over which a request arrived."""
 
     CLOUD = "cloud"  # an MQTT topic of the twin
     BUS = "bus"  # a Zenoh query or a local setpoint
-    MISSION = "mission"  # the host's own schedule
+    MISSION = "mission"  # a mission that the host runs
     LOCAL = "local"  # this computer: the supervisor's socket, a stop input
 
 
 class Origin(msgspec.Struct, frozen=True):
-    """Who asked, and how.
+    """Sender of a request, and the transport it came over.
 
-    ``source_type`` is Cyberwave's word as it was sent, None when it was missing.
-    ``session`` names the asker for the control lease and the clock-skew estimate.
+    ``source_type`` is the Cyberwave field as sent, None when it was missing.
+    ``session`` identifies the sender to the control lease and the clock-skew estimate.
     """
 
     way: Transport
@@ -42,12 +42,12 @@ def session_of(run: str) -> str:
 
 
 class Command(msgspec.Struct, frozen=True):
-    """Something discrete asked of a robot; has exactly one receipt.
+    """A discrete request to a robot; it gets exactly one receipt.
 
-    ``id`` is what makes a repeat of it recognisable: the asker's request id, or a digest of a stamped
-    message, or empty when it cannot be told from a second press of the same button.
-    ``stamp`` is the asker's Unix time, None when it was not given. ``flaw`` is what is wrong with a stop
-    that is obeyed all the same, empty for what could be read; the asker is told.
+    ``id`` identifies repeats of the command: the sender's request id, or a digest of a message with a time
+    stamp. It is empty when a repeat cannot be told from a second press of the same button.
+    ``stamp`` is the sender's Unix time, None when it was not given. ``flaw`` describes what is malformed in a
+    stop that is obeyed all the same, and is reported to the sender; empty for a well-formed message.
     """
 
     name: str
@@ -59,7 +59,7 @@ class Command(msgspec.Struct, frozen=True):
 
 
 class Setpoint(msgspec.Struct, frozen=True):
-    """A velocity to hold now; the newest wins; lives for ``lease`` seconds (None: the default)."""
+    """A velocity to hold from now on. The newest one wins; it expires after ``lease`` s (None: default)."""
 
     velocity: Velocity
     name: str = "move"
@@ -69,10 +69,10 @@ class Setpoint(msgspec.Struct, frozen=True):
 
 
 class JointSetpoint(msgspec.Struct, frozen=True):
-    """Where joints are to go now, by name: rad (or m); the newest wins, and each lives for its lease.
+    """Target positions of joints by name, rad (or m). The newest one wins; each expires after its lease.
 
-    ``relative``: they count from where the joints are. ``id`` tells a repeat of such a one, which would
-    move them once more; it is empty where it cannot be told.
+    ``relative``: the positions are offsets from the current ones. ``id`` identifies repeats of a relative
+    setpoint, which would move the joints a second time; empty when a repeat cannot be recognised.
     """
 
     positions: Mapping[str, float]
@@ -93,11 +93,11 @@ class ReplyStatus(enum.StrEnum):
 
 
 class Reply(msgspec.Struct, frozen=True, omit_defaults=True):
-    """The one answer to a command, and, for whoever waits, how it ended.
+    """The receipt of a command; also its final result, for a sender that waits for it.
 
-    ``done`` is None in the receipt, True once the robot was seen to have done it. ``data`` is what was
-    asked for, plain JSON values, in the end of a command that asks for something, and in its receipt when it
-    was done at once.
+    ``done`` is None in the receipt and True once the robot was seen to have carried out the command.
+    ``data`` is the result of a query, as plain JSON values: in its final result, and in the receipt as well
+    when the query was answered at once.
     """
 
     command: str
@@ -116,21 +116,21 @@ class Reply(msgspec.Struct, frozen=True, omit_defaults=True):
 
     @property
     def outcome(self) -> str:
-        """How the command stands, for people."""
+        """State of the command as text for people."""
         if self.done:
             return "done"
         return self.status.value if self.ok else f"{self.status.value}: {self.reason}"
 
 
 Answer = Callable[[Reply], None]
-"""Gives an answer to who asked."""
+"""Sends a reply to the sender of a request."""
 
 
 class Request(msgspec.Struct, frozen=True):
-    """What a robot made of a message: calling it takes the message, and answers.
+    """A decoded message, ready to be handled: calling it processes the message and sends the reply.
 
-    ``stops``: it can only end motion, so it is obeyed where nothing else is. ``once``: it is no part of a
-    stream of setpoints, so its success is worth an answer.
+    ``stops``: the message can only end motion, so it is obeyed even where everything else is refused.
+    ``once``: the message is not part of a stream of setpoints, so its success is answered as well.
     """
 
     take: Callable[[Answer], None]
@@ -138,5 +138,5 @@ class Request(msgspec.Struct, frozen=True):
     once: bool = False
 
     def __call__(self, answer: Answer) -> None:
-        """Take the message; on the loop."""
+        """Process the message; call it on the event loop."""
         self.take(answer)

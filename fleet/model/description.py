@@ -1,4 +1,4 @@
-"""What one robot takes, and whether it would take it now: the answer to ``fleet describe``."""
+"""Commands that one robot accepts, and whether it would accept them now: the answer to ``fleet describe``."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import msgspec
 
 
 class ParameterDescription(msgspec.Struct, frozen=True, omit_defaults=True):
-    """One parameter of a command: its type in words, whether it must be given, its default, its range."""
+    """One parameter of a command: type in words, whether it is required, default, range and unit."""
 
     name: str
     type: str
@@ -18,10 +18,10 @@ class ParameterDescription(msgspec.Struct, frozen=True, omit_defaults=True):
 
 
 class CommandDescription(msgspec.Struct, frozen=True, omit_defaults=True):
-    """One command. ``refusal``: why it would be refused if it were asked now; empty when it would be taken.
+    """One command. ``refusal``: why it would be refused if it were sent now; empty when it would be accepted.
 
-    ``moves``: the robot may move because of it; ``safe``: an emergency stop lets it through; ``timeout`` in
-    seconds, 0 where the host answers itself.
+    ``moves``: it may move the robot; ``safe``: it is accepted during an emergency stop; ``timeout`` in
+    seconds, 0 where the host answers without the robot.
     """
 
     name: str
@@ -34,9 +34,9 @@ class CommandDescription(msgspec.Struct, frozen=True, omit_defaults=True):
 
 
 class RobotDescription(msgspec.Struct, frozen=True, omit_defaults=True):
-    """One robot: its commands by name, and which velocities, goals and missions it takes besides.
+    """One robot: its commands, and whether it also accepts velocities, goals and missions.
 
-    ``verbs`` are motions with a speed or a distance (``move_forward``); ``limits`` are m/s, rad/s and m.
+    ``verbs`` are motions with a speed or a distance (``move_forward``); ``limits`` are in m/s, rad/s and m.
     """
 
     robot: str

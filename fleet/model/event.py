@@ -1,6 +1,6 @@
-"""What happened to a robot or an edge, who asked for it, and how grave it is.
+"""Events of a robot or an edge: what happened, who requested it, and how severe it is.
 
-One form for all that wants to know: the history of the edge, the cloud's ``event`` topic, ``notify``.
+The same form serves the edge's history, the cloud's ``event`` topic and ``notify``.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from fleet.model.command import Transport
 
 
 class Severity(enum.StrEnum):
-    """How grave an event is; the words are those of the log levels."""
+    """Severity of an event; the words are those of the log levels."""
 
     INFO = "info"
     WARNING = "warning"
@@ -23,29 +23,29 @@ class Severity(enum.StrEnum):
 
 
 class EventKind(enum.StrEnum):
-    """What happened, as it stands in the history and, where it goes there, in the cloud's ``event_type``."""
+    """Kind of an event, as written to the history and, for events sent to the cloud, to ``event_type``."""
 
-    COMMAND = "command"  # something was asked, and admitted or refused
-    OUTCOME = "outcome"  # how what was asked ended
-    STOP = "stop"  # motion was ended because somebody asked
+    COMMAND = "command"  # a request was admitted or refused
+    OUTCOME = "outcome"  # final result of a request
+    STOP = "stop"  # motion was ended on request
     EMERGENCY_STOP = "emergency_stop"  # an emergency stop was set
     RELEASE = "release"  # an emergency stop was released
-    AUTHORITY_LOST = "authority_lost"  # somebody else took the robot
-    HEALTH = "health"  # the level changed
+    AUTHORITY_LOST = "authority_lost"  # somebody else took control of the robot
+    HEALTH = "health"  # the health level changed
     FOUND = "found"  # the robot answers
-    LOST = "lost"  # the robot does not answer
-    FAILSAFE = "failsafe"  # the robot acts by itself
-    FENCE = "fence_breached"  # it is outside its fence
-    BATTERY = "battery"  # its battery made us do something
+    LOST = "lost"  # the robot no longer answers
+    FAILSAFE = "failsafe"  # the robot runs a failsafe of its own
+    FENCE = "fence_breached"  # the robot is outside its fence
+    BATTERY = "battery"  # the battery policy acted
     SEPARATION = "separation"  # another robot is too near
     SCHEDULE = "schedule"  # a schedule fired, was skipped, or was switched
 
 
 class Requester(msgspec.Struct, frozen=True, omit_defaults=True):
-    """Who asked for something, and how far that is known.
+    """Sender of a request, and whether its name is authenticated.
 
-    ``proven``: the way in vouches for the name (a certificate, the user of a local socket); else it is what
-    the message claims.
+    ``proven``: the transport vouches for ``name`` (a certificate, the user of a local socket). Otherwise the
+    name is only what the message claims.
     """
 
     way: Transport
@@ -57,8 +57,8 @@ class Requester(msgspec.Struct, frozen=True, omit_defaults=True):
 class EventReport(msgspec.Struct, frozen=True, omit_defaults=True):
     """One event. ``stamp`` is Unix seconds; ``text`` is a sentence for people.
 
-    ``request`` is the id of the command that led to it, ``command`` its name, ``asker`` who sent that;
-    empty where nobody asked. ``data`` holds plain JSON values.
+    ``request`` is the id of the command that led to the event, ``command`` its name, ``asker`` its sender;
+    empty where no command did. ``data`` holds plain JSON values.
     """
 
     channel: ClassVar[str] = "event"

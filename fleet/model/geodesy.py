@@ -1,7 +1,8 @@
-"""Latitude and longitude to and from the flat world frame around a declared origin.
+"""Conversion between latitude/longitude and the flat world frame around a declared origin.
 
-WGS-84. Horizontally the plane that touches the ellipsoid at the origin, exact at the origin's altitude;
-vertically the difference of altitudes, so that level flight stays level. Not for the poles.
+WGS-84. Horizontally the plane tangent to the ellipsoid at the origin, exact at the origin's altitude.
+Vertically the difference of altitudes, not the height above the plane, so that level flight stays level.
+Not valid near the poles.
 """
 
 from __future__ import annotations
@@ -16,11 +17,12 @@ EQUATORIAL_RADIUS = 6_378_137.0  # m, WGS-84 a
 FLATTENING = 1 / 298.257223563  # WGS-84 f
 ECCENTRICITY_SQUARED = FLATTENING * (2 - FLATTENING)
 
-_CORRECTIONS = 6  # each leaves less than a hundredth of the error, within the fleet's reach of 10 km
+# Fixed-point iterations of geo_from_world: within 10 km each leaves less than a hundredth of the error.
+_CORRECTIONS = 6
 
 
 class GeoPoint(msgspec.Struct, frozen=True):
-    """A place on Earth: degrees, and metres above mean sea level."""
+    """A position on Earth: degrees, and metres above mean sea level."""
 
     latitude: float
     longitude: float
@@ -28,7 +30,7 @@ class GeoPoint(msgspec.Struct, frozen=True):
 
 
 class GeoOrigin(msgspec.Struct, frozen=True):
-    """Where the world frame is anchored; ``heading`` is the compass heading of +y in degrees."""
+    """Origin of the world frame on Earth; ``heading`` is the compass heading of +y in degrees."""
 
     latitude: float
     longitude: float
@@ -37,14 +39,14 @@ class GeoOrigin(msgspec.Struct, frozen=True):
 
 
 def _from_axis_and_equator(latitude: float, altitude: float) -> tuple[float, float]:
-    """Return metres from the Earth's axis and above the plane of the equator; ``latitude`` in radians."""
+    """Return the distance from the Earth's axis and from the equator's plane, m; ``latitude`` in radians."""
     sin, cos = math.sin(latitude), math.cos(latitude)
     across = EQUATORIAL_RADIUS / math.sqrt(1 - ECCENTRICITY_SQUARED * sin * sin)
     return (across + altitude) * cos, (across * (1 - ECCENTRICITY_SQUARED) + altitude) * sin
 
 
 def _east_north(origin: GeoOrigin, latitude: float, longitude: float) -> tuple[float, float]:
-    """Return metres east and north in the tangent plane, of a place in degrees."""
+    """Return metres east and north in the origin's tangent plane; latitude and longitude in degrees."""
     here = math.radians(origin.latitude)
     turn = math.radians(math.remainder(longitude - origin.longitude, 360.0))
     axis_here, equator_here = _from_axis_and_equator(here, origin.altitude)
@@ -54,19 +56,20 @@ def _east_north(origin: GeoOrigin, latitude: float, longitude: float) -> tuple[f
 
 
 def _turned(vector: Vector3, degrees: float) -> Vector3:
-    """Turn a vector about z by ``degrees``, counter-clockwise."""
+    """Rotate a vector about z by ``degrees``, counter-clockwise."""
     cos, sin = math.cos(math.radians(degrees)), math.sin(math.radians(degrees))
     return Vector3(cos * vector.x - sin * vector.y, sin * vector.x + cos * vector.y, vector.z)
 
 
 def world_from_geo(origin: GeoOrigin, point: GeoPoint) -> Vector3:
-    """Return ``point`` in metres in the world frame of ``origin``."""
+    """Return ``point`` in the world frame of ``origin``, metres."""
     east, north = _east_north(origin, point.latitude, point.longitude)
     return _turned(Vector3(east, north, point.altitude - origin.altitude), origin.heading)
 
 
 def geo_from_world(origin: GeoOrigin, position: Vector3) -> GeoPoint:
-    """Return the place on Earth of a position in the world frame of ``origin``."""
+    """Return the position on Earth of a point in the world frame of ``origin`` (metres)."""
+    # No closed form for the inverse: start at the origin and correct by the error that is left.
     enu = _turned(position, -origin.heading)
     parallel = EQUATORIAL_RADIUS * math.cos(math.radians(origin.latitude))
     latitude, longitude = origin.latitude, origin.longitude

@@ -1,8 +1,8 @@
-"""Vectors, rotations and poses, and the conversions between the frames robots speak.
+"""Vectors, rotations and poses, and conversions between coordinate frames.
 
-Inside the project: world ENU, body FLU (REP-103). Autopilots speak NED and FRD; nothing but the
-functions here converts. Vectors, rotations and poses cannot be part of a circle, so the garbage collector
-need not know them (``gc=False``): a fleet makes thousands a second.
+Inside the project: world ENU, body FLU (REP-103). Autopilots use NED and FRD; only the functions here
+convert. Vectors, rotations and poses cannot be part of a reference cycle, so the garbage collector does not
+track them (``gc=False``): a fleet creates thousands a second.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ import msgspec
 
 
 class Vector3(msgspec.Struct, frozen=True, gc=False):
-    """Three components; metres, metres per second or whatever its owner says."""
+    """Three components; the unit is that of the field that holds the vector."""
 
     x: float = 0.0
     y: float = 0.0
@@ -34,12 +34,12 @@ class Vector3(msgspec.Struct, frozen=True, gc=False):
         return math.sqrt(self.x * self.x + self.y * self.y + self.z * self.z)
 
     def horizontal(self) -> float:
-        """Return the length of the x-y part."""
+        """Return the length of the x-y component."""
         return math.hypot(self.x, self.y)
 
 
 class Quaternion(msgspec.Struct, frozen=True, gc=False):
-    """A unit rotation, components by name so that no order can be mistaken."""
+    """A rotation as a unit quaternion; named components, because wires differ in their order."""
 
     w: float = 1.0
     x: float = 0.0
@@ -69,7 +69,7 @@ class Quaternion(msgspec.Struct, frozen=True, gc=False):
 
 
 class Pose(msgspec.Struct, frozen=True, gc=False):
-    """Where a robot is (metres, world ENU) and how it is turned (body FLU to world)."""
+    """Position (metres, world ENU) and orientation (body FLU to world) of a robot."""
 
     position: Vector3 = Vector3()
     rotation: Quaternion = Quaternion()
@@ -78,7 +78,7 @@ class Pose(msgspec.Struct, frozen=True, gc=False):
 class Velocity(msgspec.Struct, frozen=True):
     """A body-frame velocity: linear m/s (x forward, y left, z up), yaw rate rad/s, left positive.
 
-    ``gait`` is how legs are to do it: walk, trot, or empty for the robot's own choice.
+    ``gait`` is the gait of a legged robot: walk, trot, or empty for the robot's own choice.
     """
 
     linear: Vector3 = Vector3()
@@ -87,7 +87,7 @@ class Velocity(msgspec.Struct, frozen=True):
 
     @property
     def is_zero(self) -> bool:
-        """True when nothing is asked to move."""
+        """True when no axis is commanded to move."""
         return self.linear == _AT_REST and self.yaw_rate == 0.0
 
 
@@ -114,32 +114,32 @@ def quaternion_from_yaw(yaw: float) -> Quaternion:
 
 
 def wrap_angle(angle: float) -> float:
-    """Return ``angle`` (radians) in (-pi, pi]."""
+    """Return ``angle`` (radians) wrapped to (-pi, pi]."""
     wrapped = math.remainder(angle, math.tau)
     return math.pi if wrapped == -math.pi else wrapped
 
 
 def ned_from_enu(vector: Vector3) -> Vector3:
-    """Turn east-north-up into north-east-down; its own inverse."""
+    """Convert east-north-up to north-east-down; the function is its own inverse."""
     return Vector3(vector.y, vector.x, -vector.z)
 
 
 def enu_rotation_from_ned(roll: float, pitch: float, yaw: float) -> Quaternion:
-    """Turn an autopilot's attitude (FRD body in NED, radians) into FLU body in ENU."""
+    """Convert an autopilot's attitude (FRD body in NED, radians) to FLU body in ENU."""
     return quaternion_from_euler(roll, -pitch, enu_yaw_from_heading(yaw))
 
 
 def enu_yaw_from_heading(heading: float) -> float:
-    """Turn a compass heading (radians clockwise from north) into yaw (radians ccw from east)."""
+    """Convert a compass heading (radians clockwise from north) to yaw (radians ccw from east)."""
     return wrap_angle(math.pi / 2 - heading)
 
 
 def heading_from_enu_yaw(yaw: float) -> float:
-    """Turn yaw (radians ccw from east) into a compass heading in [0, 2 pi)."""
+    """Convert yaw (radians ccw from east) to a compass heading in [0, 2 pi)."""
     return (math.pi / 2 - yaw) % math.tau
 
 
 def rotate_to_world(linear: Vector3, yaw: float) -> Vector3:
-    """Turn a level body vector (FLU) into the world (ENU) for a robot with this yaw."""
+    """Rotate a vector from the levelled body frame (FLU) into the world (ENU); ``yaw`` in radians."""
     cos, sin = math.cos(yaw), math.sin(yaw)
     return Vector3(cos * linear.x - sin * linear.y, sin * linear.x + cos * linear.y, linear.z)

@@ -1,4 +1,4 @@
-"""How well something is: four levels, the cause in words, and the rule that the worst one wins."""
+"""Health of a link, robot or edge: four levels, the cause in words, and the worst of several."""
 
 from __future__ import annotations
 
@@ -9,16 +9,16 @@ import msgspec
 
 
 class Level(enum.IntEnum):
-    """Ordered: a larger one is worse."""
+    """Health level; a larger value is worse."""
 
     OK = 0
     DEGRADED = 1  # works, but a person should know
-    OFFLINE = 2  # cannot be reached; comes back by itself
-    FAULT = 3  # does not come back by itself: a person must act
+    OFFLINE = 2  # unreachable; recovers by itself
+    FAULT = 3  # does not recover by itself: a person must act
 
     @property
     def word(self) -> str:
-        """The level in lower case, as it stands in every output."""
+        """Name of the level in lower case, as every output shows it."""
         return self.name.lower()
 
 
@@ -35,5 +35,5 @@ def degraded(problem: str) -> Health:
 
 
 def worst(healths: Iterable[Health]) -> Health:
-    """Return the worst of them, the first where several are equally bad; ok when there are none."""
+    """Return the worst health, the first of several at the same level; ok when there are none."""
     return max(healths, key=lambda health: health.level, default=Health())

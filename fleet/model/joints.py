@@ -1,4 +1,4 @@
-"""Joints that take targets: how far and how fast each may go."""
+"""Position and speed limits of joints that accept targets."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import msgspec
 
 
 class JointRange(msgspec.Struct, frozen=True):
-    """One joint that takes targets: from ``least`` to ``most`` (rad, or m) at ``speed`` (rad/s, or m/s)."""
+    """Limits of one joint: positions from ``least`` to ``most`` (rad, or m), ``speed`` (rad/s, or m/s)."""
 
     least: float
     most: float

@@ -1,6 +1,7 @@
-"""Going somewhere: goals, tasks, and the life of an action.
+"""Navigation: goals, tasks, and the state machine of an action.
 
-The six states and the rule of exactly one terminal status are Cyberwave's ``navigate/status``.
+The six states, and the rule that an action has exactly one terminal status, are those of Cyberwave's
+``navigate/status``.
 """
 
 from __future__ import annotations
@@ -16,10 +17,10 @@ from fleet.model.geometry import Vector3
 
 
 class Goal(msgspec.Struct, frozen=True):
-    """One place to be: exactly one of ``position`` (world, m) and ``geo`` is given.
+    """One target position: exactly one of ``position`` (world, m) and ``geo`` is given.
 
     ``yaw`` is radians counter-clockwise from world +x, None to leave the heading to the robot.
-    ``wait`` is seconds to stay there.
+    ``wait`` is the time to stay at the goal, seconds.
     """
 
     position: Vector3 | None = None
@@ -29,21 +30,21 @@ class Goal(msgspec.Struct, frozen=True):
 
 
 class Constraints(msgspec.Struct, frozen=True):
-    """What the asker limits on the way; None leaves it to the robot's own limits."""
+    """Limits that the sender sets for one task; None: the robot's own limits apply."""
 
     max_speed: float | None = None  # m/s
     tolerance: float | None = None  # m
 
 
 class GoTo(msgspec.Struct, frozen=True, tag="goto"):
-    """Be at one goal."""
+    """Go to one goal."""
 
     goal: Goal
     constraints: Constraints = Constraints()
 
 
 class FollowPath(msgspec.Struct, frozen=True, tag="path"):
-    """Be at each goal in turn, ``loops`` times."""
+    """Visit the goals in order, ``loops`` times."""
 
     goals: tuple[Goal, ...]
     loops: int = 1
@@ -51,7 +52,7 @@ class FollowPath(msgspec.Struct, frozen=True, tag="path"):
 
 
 class RelativeMove(msgspec.Struct, frozen=True, tag="relative_move"):
-    """Be ``translation`` metres from here; in the body frame, or the world's."""
+    """Move by ``translation`` metres from the current position; in the body frame, or the world's."""
 
     translation: Vector3
     body_frame: bool = True
@@ -59,11 +60,11 @@ class RelativeMove(msgspec.Struct, frozen=True, tag="relative_move"):
 
 
 class PlanItem(msgspec.Struct, frozen=True):
-    """One item of a mission, as ``aerial.mission.v1`` names them.
+    """One item of a mission, with the names of ``aerial.mission.v1``.
 
-    ``point``'s altitude counts from what the mission says. ``seconds`` and ``turns`` to loiter, at ``radius``
-    metres; ``tolerance`` metres at which a waypoint counts as reached; ``speed`` (m/s) from the way to this
-    item on. None leaves it to the robot.
+    The altitude of ``point`` is relative to the datum of the mission. ``seconds`` or ``turns``: how long to
+    loiter, at ``radius`` metres. ``tolerance``: metres within which a waypoint counts as reached. ``speed``
+    (m/s) applies from the leg to this item onwards. None leaves the value to the robot.
     """
 
     kind: str
@@ -77,10 +78,10 @@ class PlanItem(msgspec.Struct, frozen=True):
 
 
 class FlyMission(msgspec.Struct, frozen=True, tag="mission"):
-    """Carry out a mission from the robot's own memory, so that it needs no link on the way.
+    """Execute a mission from the robot's own memory, so that it needs no link while under way.
 
-    Altitudes are metres above home, or above the sea. ``home`` is where the plan begins (m AMSL), None when
-    it does not say. ``resumed``: go on where it was left.
+    Altitudes are metres above home, or above mean sea level when ``above_sea`` is set. ``home`` is the home
+    position of the plan (m AMSL), None when the plan has none. ``resumed``: continue where it was left.
     """
 
     name: str
@@ -95,10 +96,10 @@ Task = GoTo | FollowPath | RelativeMove | FlyMission
 
 
 class Control(enum.StrEnum):
-    """What may be asked of the running action."""
+    """Controls of the running action."""
 
-    STOP = "stop"  # end it and hold
-    PAUSE = "pause"  # hold; ``resume`` goes on
+    STOP = "stop"  # end the action and hold position
+    PAUSE = "pause"  # hold position; ``resume`` continues
     RESUME = "resume"
 
 
@@ -106,7 +107,7 @@ MISSION = "mission"
 
 
 class Navigate(msgspec.Struct, frozen=True):
-    """A navigation message: a new task, or a control of the running one; ``name``: how it is called."""
+    """A navigation message: a new task, or a control of the running one; ``name`` is the command's name."""
 
     ask: Task | Control
     action_id: str = ""
@@ -116,23 +117,23 @@ class Navigate(msgspec.Struct, frozen=True):
 
     @property
     def of_mission(self) -> bool:
-        """True for a mission, and for a control of one."""
+        """True for a mission, and for the control of a mission."""
         return self.name == MISSION
 
 
 class ActionState(enum.StrEnum):
-    """Where an action is in its life."""
+    """State of an action."""
 
-    QUEUED = "queued"  # taken, not yet begun
-    RUNNING = "running"  # the robot works on it
-    BLOCKED = "blocked"  # the robot was commanded and does not get on
+    QUEUED = "queued"  # accepted, not yet started
+    RUNNING = "running"  # the robot is working on it
+    BLOCKED = "blocked"  # the robot was commanded but makes no progress
     COMPLETED = "completed"
     FAILED = "failed"
     CANCELLED = "cancelled"
 
     @property
     def terminal(self) -> bool:
-        """True when nothing can follow."""
+        """True when no other state can follow."""
         return not NEXT[self]
 
 
@@ -157,10 +158,10 @@ NEXT: Mapping[ActionState, frozenset[ActionState]] = {
 
 
 class Progress(msgspec.Struct, frozen=True):
-    """How far something is: percent 0 to 100, in the robot's own words; blocked when it is stuck.
+    """Progress of a command or action: percent 0 to 100, and a message of the robot; blocked when stuck.
 
-    ``reached``: how many goals of the path (all loops counted) are behind. ``remaining``: metres that are
-    left of all of it, None while they are unknown.
+    ``reached``: goals of the path already passed, counted over all loops. ``remaining``: metres left of the
+    whole path, None while unknown.
     """
 
     percent: float

@@ -12,12 +12,13 @@ Edge = tuple[Point, Point]
 
 
 def edges(polygon: Polygon) -> Iterator[Edge]:
-    """Yield the sides; the last one leads back to the first corner."""
+    """Yield the sides; the last one returns to the first corner."""
     return itertools.pairwise((*polygon, polygon[0]))
 
 
 def contains(polygon: Polygon, point: Point) -> bool:
     """Return whether a point is inside; on the border it may be either."""
+    # Ray casting: a ray towards +x crosses the border an odd number of times from inside.
     x, y = point
     inside = False
     for (ax, ay), (bx, by) in edges(polygon):
@@ -27,12 +28,12 @@ def contains(polygon: Polygon, point: Point) -> bool:
 
 
 def distance_to_border(polygon: Polygon, point: Point) -> float:
-    """Return metres to the nearest side, from inside or outside."""
+    """Return the distance to the nearest side, metres, from inside or outside."""
     return min(_distance(edge, point) for edge in edges(polygon))
 
 
 def _distance(edge: Edge, point: Point) -> float:
-    """Return metres from a point to a side."""
+    """Return the distance from a point to a side, metres."""
     (ax, ay), (bx, by) = edge
     dx, dy = bx - ax, by - ay
     length = dx * dx + dy * dy
@@ -42,12 +43,12 @@ def _distance(edge: Edge, point: Point) -> float:
 
 
 def crosses(polygon: Polygon, start: Point, end: Point) -> bool:
-    """Return whether the straight way from ``start`` to ``end`` meets a side."""
+    """Return whether the straight line from ``start`` to ``end`` touches or crosses a side."""
     return any(_meet((start, end), edge) for edge in edges(polygon))
 
 
 def is_simple(polygon: Polygon) -> bool:
-    """Return whether it is a shape with an area whose sides do not cross each other."""
+    """Return whether the polygon has an area and no side of it touches another that is not its neighbour."""
     sides = list(edges(polygon))
     if any(start == end for start, end in sides) or abs(_area(polygon)) <= 0.0:
         return False
@@ -76,7 +77,7 @@ def _area(polygon: Polygon) -> float:
 
 
 def _meet(one: Edge, other: Edge) -> bool:
-    """Return whether two straight lines between points touch or cross."""
+    """Return whether two line segments touch or cross."""
     turns = (
         _turn(one[0], one[1], other[0]),
         _turn(one[0], one[1], other[1]),
@@ -90,11 +91,11 @@ def _meet(one: Edge, other: Edge) -> bool:
 
 
 def _turn(a: Point, b: Point, c: Point) -> float:
-    """Return on which side of the line from a to b the point c is: positive left, 0 on it."""
+    """Return the side of the line from a to b on which c lies: positive left, negative right, 0 on it."""
     return (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
 
 
 def _between(edge: Edge, point: Point) -> bool:
-    """Return whether a point on the line of an edge is within its ends."""
+    """Return whether a point that is collinear with an edge lies between its ends."""
     (ax, ay), (bx, by) = edge
     return min(ax, bx) <= point[0] <= max(ax, bx) and min(ay, by) <= point[1] <= max(ay, by)

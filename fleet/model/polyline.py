@@ -1,6 +1,6 @@
-"""How near two broken lines in space come to each other; metres, pure.
+"""Distances between polylines in space; metres, pure.
 
-A line is the points that it leads through, one at the least: a single point is a line of no length.
+A line is the sequence of its points, at least one: a single point is a line of length zero.
 """
 
 from __future__ import annotations
@@ -12,13 +12,13 @@ from collections.abc import Sequence
 from fleet.model.geometry import Vector3
 
 Line = Sequence[Vector3]
-FEW = 36  # pairs of points that are compared without a look at the boxes around them
+FEW = 36  # up to so many pairs of points, comparing all is cheaper than comparing bounding boxes first
 
 
 def apart(one: Line, other: Line, best: float = math.inf) -> float:
     """Return the least distance between two lines, or ``best`` where that is less.
 
-    Long lines are halved, and halves whose boxes are too far from each other are not looked into.
+    Long lines are halved recursively; halves whose bounding boxes are at least ``best`` apart are skipped.
     """
     if len(one) * len(other) <= FEW:
         return min(best, *(_sections(*a, *b) for a in _pieces(one) for b in _pieces(other)))
@@ -31,12 +31,12 @@ def apart(one: Line, other: Line, best: float = math.inf) -> float:
 
 
 def _pieces(line: Line) -> list[tuple[Vector3, Vector3]]:
-    """Return the sections of a line; a point is one of no length."""
+    """Return the segments of a line; a single point gives one of length zero."""
     return list(itertools.pairwise(line)) if len(line) > 1 else [(line[0], line[0])]
 
 
 def length(line: Line) -> float:
-    """Return metres along a line."""
+    """Return the length of a line, metres."""
     return sum((later - sooner).norm() for sooner, later in itertools.pairwise(line))
 
 
@@ -55,7 +55,7 @@ def beginning(line: Line, metres: float) -> tuple[Vector3, ...]:
 
 
 def _boxes_apart(one: Line, other: Line) -> float:
-    """Return metres between the upright boxes around two lines: never more than between the lines."""
+    """Return the distance between the axis-aligned bounding boxes of two lines: a lower bound of theirs."""
     gaps = (
         _gap([point.x for point in one], [point.x for point in other]),
         _gap([point.y for point in one], [point.y for point in other]),
@@ -65,14 +65,14 @@ def _boxes_apart(one: Line, other: Line) -> float:
 
 
 def _gap(one: list[float], other: list[float]) -> float:
-    """Return how far two ranges are from each other, 0 where they meet."""
+    """Return the distance between two ranges of numbers, 0 where they overlap."""
     return max(0.0, min(other) - max(one), min(one) - max(other))
 
 
 def _sections(a: Vector3, b: Vector3, c: Vector3, d: Vector3) -> float:
-    """Return the least distance between the sections a-b and c-d (Ericson, Real-Time Collision Detection).
+    """Return the least distance between the segments a-b and c-d (Ericson, Real-Time Collision Detection).
 
-    In plain numbers: it is asked thousands of times a second.
+    Written in plain floats, without Vector3: it is called thousands of times a second.
     """
     ux, uy, uz = b.x - a.x, b.y - a.y, b.z - a.z
     vx, vy, vz = d.x - c.x, d.y - c.y, d.z - c.z

@@ -1,7 +1,7 @@
-"""What is learned about a robot. Each kind is one channel on the bus.
+"""Reports: measured values and states of a robot. Each kind is one channel on the bus.
 
-``stamp`` is Unix seconds at which it was measured. Unknown values are None or the report is not sent:
-never a zero in place of silence.
+``stamp`` is the Unix time of the measurement, seconds. An unknown value is None, or the report is not sent:
+never a zero in place of an unknown value.
 """
 
 from __future__ import annotations
@@ -17,9 +17,9 @@ from fleet.model.navigation import ActionState
 
 
 class PoseReport(msgspec.Struct, frozen=True, gc=False):
-    """Where the robot is, in the world frame (m, ENU) and how it is turned.
+    """Position of the robot in the world frame (m, ENU) and its orientation (body FLU to world).
 
-    ``frame_id`` is what readers in the cloud are told that frame is called; empty: they are not.
+    ``frame_id`` is the name of that frame in the cloud's message; empty: the message has none.
     """
 
     channel: ClassVar[str] = "position"
@@ -30,7 +30,7 @@ class PoseReport(msgspec.Struct, frozen=True, gc=False):
 
 
 class ScaleReport(msgspec.Struct, frozen=True):
-    """How large the twin is drawn, by axis; 1 is as it was modelled."""
+    """Scale at which the twin is drawn, by axis; 1 is the size of the model."""
 
     channel: ClassVar[str] = "scale"
     stamp: float
@@ -38,10 +38,11 @@ class ScaleReport(msgspec.Struct, frozen=True):
 
 
 class JointTags(msgspec.Struct, frozen=True, omit_defaults=True):
-    """What joints may be told with, by the names of ``joint/update``: who moves them, and what is seen then.
+    """Optional fields of a joint report, with the names of ``joint/update``.
 
-    ``source_subtype`` is how they are moved (a policy, a gamepad), ``workload_uuid`` the run that moves them.
-    ``role``: which of two arms they are, where one twin has both: told as ``edge_leader``, ``edge_follower``.
+    ``source_subtype`` is what moves the joints (a policy, a gamepad), ``workload_uuid`` the run that does.
+    ``role``: which of two arms the joints belong to, where one twin has both; sent as ``edge_leader`` or
+    ``edge_follower``.
     """
 
     source_subtype: str | None = None
@@ -76,7 +77,7 @@ class BatteryReport(msgspec.Struct, frozen=True):
 class GpsReport(msgspec.Struct, frozen=True):
     """A satellite fix. ``heading`` is degrees clockwise from north.
 
-    A receiver without a fix says so: ``fix_type`` none, and no ``point``. The cloud is not sent that.
+    A receiver without a fix reports ``fix_type`` none and no ``point``; that is not sent to the cloud.
     """
 
     channel: ClassVar[str] = "gps"
@@ -99,7 +100,7 @@ class ImuReport(msgspec.Struct, frozen=True, gc=False):
 
 
 class FlightStateReport(msgspec.Struct, frozen=True):
-    """Whether an aircraft is in the air; not sent while unknown."""
+    """Whether an aircraft is in the air, and its flight mode; not sent while unknown."""
 
     channel: ClassVar[str] = "flight_state"
     stamp: float
@@ -108,14 +109,14 @@ class FlightStateReport(msgspec.Struct, frozen=True):
 
 
 class StatusText(msgspec.Struct, frozen=True):
-    """One line that the autopilot said; severity 0 (emergency) to 7 (debug)."""
+    """One text message of the autopilot; severity 0 (emergency) to 7 (debug), as in MAVLink and syslog."""
 
     text: str
     severity: int
 
 
 class MissionProgress(msgspec.Struct, frozen=True):
-    """Where the mission that is loaded on the autopilot stands, in its own numbering."""
+    """Progress of the mission that is loaded on the autopilot, in the autopilot's own item numbers."""
 
     current: int
     total: int | None = None
@@ -123,7 +124,7 @@ class MissionProgress(msgspec.Struct, frozen=True):
 
 
 class FlightControllerReport(msgspec.Struct, frozen=True):
-    """The autopilot's slowly changing state, as ``twin.flight_controller.v1`` wants it."""
+    """Slowly changing state of the autopilot, with the fields of ``twin.flight_controller.v1``."""
 
     channel: ClassVar[str] = "flight_controller"
     stamp: float
@@ -144,9 +145,9 @@ class FlightControllerReport(msgspec.Struct, frozen=True):
 
 
 class MetricsReport(msgspec.Struct, frozen=True):
-    """Numbers for people: power, navigation, errors, and ``more`` categories by name (the ``metrics`` topic).
+    """Figures for people (the ``metrics`` topic): power, navigation, errors, and ``more`` categories by name.
 
-    Errors are told even when there are none any more; None says nothing about them.
+    An empty ``errors`` is sent too, to clear earlier errors; None leaves them out of the message.
     """
 
     channel: ClassVar[str] = "metrics"
@@ -158,21 +159,21 @@ class MetricsReport(msgspec.Struct, frozen=True):
 
     @property
     def categories(self) -> dict[str, object]:
-        """What is told, by category."""
-        told: dict[str, object] = {**self.more}
+        """The categories to send, by name."""
+        categories: dict[str, object] = {**self.more}
         if self.errors is not None:
-            told["errors"] = self.errors
+            categories["errors"] = self.errors
         if self.power:
-            told["power"] = self.power
+            categories["power"] = self.power
         if self.navigation:
-            told["navigation"] = self.navigation
-        return told
+            categories["navigation"] = self.navigation
+        return categories
 
 
 class NavigationReport(msgspec.Struct, frozen=True):
-    """One status of one action (``navigate/status``); ``step``: of a mission, the item it is at, from 0.
+    """One status of one action (``navigate/status``); ``step``: the current item of a mission, from 0.
 
-    ``remaining`` metres and ``eta`` seconds are left of it, as far as that is known; the cloud hears of them
+    ``remaining`` (metres) and ``eta`` (seconds) until the end, None while unknown; the cloud gets these two
     in ``metrics``.
     """
 
@@ -190,7 +191,7 @@ class NavigationReport(msgspec.Struct, frozen=True):
 class TelemetryReport(msgspec.Struct, frozen=True):
     """One message of the ``telemetry`` topic: connected, vehicle_state, authority_lost, ...
 
-    ``fields`` stand beside ``type`` in the message.
+    ``fields`` are placed beside ``type`` in the message.
     """
 
     channel: ClassVar[str] = "telemetry"
@@ -200,7 +201,7 @@ class TelemetryReport(msgspec.Struct, frozen=True):
 
 
 class PhotoReport(msgspec.Struct, frozen=True):
-    """One picture that was asked for: the file's bytes, its ``format`` (``jpeg``), and its size in pixels."""
+    """One requested picture: the file's bytes, its ``format`` (``jpeg``), and its size in pixels."""
 
     channel: ClassVar[str] = "photo"
     stamp: float
@@ -228,7 +229,7 @@ class DepthReport(msgspec.Struct, frozen=True):
 class PointCloudReport(msgspec.Struct, frozen=True):
     """Points around a sensor: little-endian ``float32``, x y z in metres.
 
-    With ``stride`` 6 each has r g b (0 to 255) besides. ``sensor`` is as in ``DepthReport``.
+    With ``stride`` 6 each point also has r g b (0 to 255). ``sensor`` is as in ``DepthReport``.
     """
 
     channel: ClassVar[str] = "pointcloud"
@@ -241,7 +242,7 @@ class PointCloudReport(msgspec.Struct, frozen=True):
 class LogReport(msgspec.Struct, frozen=True):
     """One line for the ``driverlog`` topic; ``level`` is DEBUG, INFO, WARNING, ERROR or CRITICAL.
 
-    ``about`` holds what else is told of who says it: ``container_name``, ``driver_image``, versions.
+    ``about`` describes the source of the line: ``container_name``, ``driver_image``, versions.
     """
 
     channel: ClassVar[str] = "driverlog"

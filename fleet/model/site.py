@@ -1,8 +1,8 @@
-"""The frame that the robots of one edge share: where each one's own world lies in it; pure.
+"""The site frame, which the robots of one edge share, and the placement of each robot's world in it; pure.
 
-The site's frame is east-north-up around ``site.origin`` of fleet.yaml, in metres. A robot that knows where
-on Earth its world's origin is (``origin:``, or its home) is placed by that; another by where it stood when
-it was heard first (``start:``).
+The site frame is east-north-up around ``site.origin`` of fleet.yaml, in metres. A robot whose world origin
+on Earth is known (``origin:``, or its home) is placed by that; any other by its declared position at its
+first pose report (``start:``).
 """
 
 from __future__ import annotations
@@ -14,28 +14,28 @@ import msgspec
 from fleet.model.geodesy import GeoOrigin, geo_from_world, world_from_geo
 from fleet.model.geometry import Pose, Vector3, rotate_to_world, wrap_angle
 
-_FAR = Vector3(100.0)  # m along +x: far enough that its direction is exact
+_FAR = Vector3(100.0)  # m along +x: far enough that rounding does not affect the direction
 
 
 class Placement(msgspec.Struct, frozen=True):
-    """A robot's world in the site's frame: its origin (m), and how its +x is turned (rad, ccw from east)."""
+    """Pose of a robot's world frame in the site frame: origin (m), direction of +x (rad, ccw from east)."""
 
     origin: Vector3 = Vector3()
     yaw: float = 0.0
 
     def to_site(self, point: Vector3) -> Vector3:
-        """Return a point of the robot's world in the site's frame."""
+        """Convert a point from the robot's world to the site frame (m)."""
         return self.origin + rotate_to_world(point, self.yaw)
 
     def to_world(self, point: Vector3) -> Vector3:
-        """Return a point of the site's frame in the robot's world."""
+        """Convert a point from the site frame to the robot's world (m)."""
         return rotate_to_world(point - self.origin, -self.yaw)
 
 
 def placed_on_earth(site: GeoOrigin, world: GeoOrigin) -> Placement:
-    """Return where the world of a robot lies whose place on Earth is known.
+    """Return the placement of a robot whose world origin on Earth is known.
 
-    Exact at its origin; within 0.3 m some kilometres around it.
+    Exact at that origin; within 0.3 m some kilometres around it.
     """
     origin = world_from_geo(site, geo_from_world(world, Vector3()))
     along = world_from_geo(site, geo_from_world(world, _FAR)) - origin
@@ -43,9 +43,9 @@ def placed_on_earth(site: GeoOrigin, world: GeoOrigin) -> Placement:
 
 
 def placed_at_start(start: tuple[float, float, float], pose: Pose) -> Placement:
-    """Return where the world of a robot lies that is at ``start`` (x, y, m; heading, rad) and tells ``pose``.
+    """Return the placement of a robot that stands at ``start`` (x, y, m; heading, rad) and reports ``pose``.
 
-    Its odometry need not begin at nought: a heading from a compass does not. Its ground is the site's.
+    Its odometry need not start at zero: a compass heading does not. Its z = 0 is that of the site.
     """
     x, y, heading = start
     yaw = wrap_angle(heading - pose.rotation.yaw)

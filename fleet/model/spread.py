@@ -1,4 +1,4 @@
-"""Places for several robots around one point, and who goes to which; pure, metres."""
+"""Positions for several robots around one goal, and which robot goes to which; pure, metres."""
 
 from __future__ import annotations
 
@@ -9,12 +9,12 @@ from collections.abc import Sequence
 from fleet.model.geometry import Vector3, rotate_to_world
 from fleet.model.polyline import apart
 
-TURNS = 12  # directions of the grid that are tried
-BETTER = 0.1  # m by which the ways must keep farther apart to turn it once more
+TURNS = 12  # orientations of the grid that are tried
+BETTER = 0.1  # m of extra separation that another orientation must gain to be preferred
 
 
 def spread(number: int, spacing: float) -> tuple[Vector3, ...]:
-    """Return where ``number`` robots stand on a square grid around nought, ``spacing`` from each other."""
+    """Return positions of ``number`` robots on a square grid around the origin, ``spacing`` metres apart."""
     columns = math.ceil(math.sqrt(number))
     rows = math.ceil(number / columns)
     return tuple(
@@ -24,7 +24,10 @@ def spread(number: int, spacing: float) -> tuple[Vector3, ...]:
 
 
 def arranged(robots: Sequence[Vector3], centre: Vector3, spacing: float) -> list[Vector3]:
-    """Return for each robot its place, beside ``centre``: the grid is turned so that the ways keep apart."""
+    """Return for each robot its position relative to ``centre``.
+
+    The grid is rotated so that the straight paths to it keep as far apart as possible.
+    """
     best: tuple[float, list[Vector3]] = (-math.inf, [])
     grid = spread(len(robots), spacing)
     for turn in range(TURNS):
@@ -39,10 +42,10 @@ def arranged(robots: Sequence[Vector3], centre: Vector3, spacing: float) -> list
 
 
 def nearest_each(robots: Sequence[Vector3], places: Sequence[Vector3]) -> list[int]:
-    """Return for each robot the number of its place, so that no two straight ways cross.
+    """Return for each robot the index of its position, chosen so that no two straight paths cross.
 
-    Two that would gain by it change places until none do; ways that cross are longer than the same ways
-    changed over.
+    Two robots swap positions while that shortens their total path. Crossing paths are always longer than the
+    same paths swapped (triangle inequality), so none are left in the end.
     """
     chosen = list(range(len(robots)))
     changed = True
@@ -51,12 +54,12 @@ def nearest_each(robots: Sequence[Vector3], places: Sequence[Vector3]) -> list[i
         for one, other in itertools.combinations(range(len(chosen)), 2):
             now = _far(robots[one], places[chosen[one]]) + _far(robots[other], places[chosen[other]])
             then = _far(robots[one], places[chosen[other]]) + _far(robots[other], places[chosen[one]])
-            if then < now - 1e-9:
+            if then < now - 1e-9:  # the margin keeps rounding errors from swapping for ever
                 chosen[one], chosen[other] = chosen[other], chosen[one]
                 changed = True
     return chosen
 
 
 def _far(one: Vector3, other: Vector3) -> float:
-    """Return metres over ground between two points."""
+    """Return the horizontal distance between two points, metres."""
     return (one - other).horizontal()

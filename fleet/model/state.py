@@ -1,4 +1,4 @@
-"""What a robot and an edge look like to people: the rows of ``fleet ps``, published on the bus."""
+"""Summary states of a robot and of an edge, published on the bus: the rows of ``fleet ps``."""
 
 from __future__ import annotations
 
@@ -10,22 +10,22 @@ from fleet.model.site import Placement
 
 
 class RobotState(msgspec.Struct, frozen=True, omit_defaults=True):
-    """One robot, now. ``position`` is metres in its world frame; ``health`` a word of ``Level``.
+    """Current state of one robot. ``position`` is metres in its world frame; ``health`` a word of ``Level``.
 
-    ``senders`` are those heard lately that stamp what they ask, each with the offset (s) of its clock and
-    the way here together: positive is slow or late.
+    ``senders``: recent senders of time-stamped requests, each with the sum of its clock offset and network
+    delay in seconds; a positive value means a slow clock or a late message.
 
-    ``site`` is its position in the frame that the robots of the edge share, ``placement`` where its world
-    lies there; None while that is unknown. ``separation`` says to whom its distance is unknown, and why.
+    ``site`` is its position in the site frame, ``placement`` the pose of its world there; None while unknown.
+    ``separation`` names the robots to which its distance is unknown, and why.
 
-    ``drop_in``: the file whose code runs it, where that is no installed adapter.
+    ``drop_in``: the source file of its adapter, when that is a drop-in and not an installed package.
 
-    ``in_use``: somebody has moved it through its edge, which did not let go of it since.
+    ``in_use``: it was moved through its edge, and control has not been released since.
 
-    ``stop_cause`` says who set the emergency stop, and why; empty while it is not set.
+    ``stop_cause``: who set the emergency stop, and why; empty while none is set.
 
-    ``speed`` is m/s over all axes, of its last second; None where it tells no pose. ``age``: seconds since it
-    was heard, at ``stamp``; None while it never was.
+    ``speed`` is m/s over all axes, averaged over the last second; None when the robot reports no pose.
+    ``age``: seconds from its last message to ``stamp``; None before the first message.
 
     ``run`` is the run of a mission that has it; ``left_run`` why the last one has it no more, beginning with
     ``taken``, ``stopped`` or ``lost``.
@@ -66,7 +66,7 @@ class RobotState(msgspec.Struct, frozen=True, omit_defaults=True):
 
 
 class EdgeState(msgspec.Struct, frozen=True, omit_defaults=True):
-    """One edge, now: its own roll-up and what it rests on. ``robots``: how many by health.
+    """Current state of one edge, with its bus and cloud connections. ``robots``: number of robots by health.
 
     On the way to the cloud ``waiting`` samples wait for their turn and ``queued`` messages to be sent:
     ``spooled`` ones that are kept until the cloud has them, ``unheard`` of these because nobody there

@@ -1,1 +1,1 @@
-"""What every process of the fleet runs on: event loop, exception barrier, counters, decoders."""
+"""Common base of all fleet processes: event loop, exception barrier, counters, decoders."""

@@ -1,8 +1,8 @@
-"""Decoding with msgspec, safe on several threads: the only place where a type meets a decoder.
+"""Thread-safe decoding with msgspec: the only module that creates typed decoders.
 
-msgspec works out how to decode a Struct type when the type is first used, without a lock: two threads that
-do so at the same time end the process with SIGSEGV (msgspec 0.22, docs/adr/0008-decoders-under-a-lock.md).
-Here it happens under one lock, once for each type. A test looks for decoders that are made elsewhere.
+msgspec analyses a Struct type when the type is first used, without a lock: two threads that do so at the same
+time crash the process with SIGSEGV (msgspec 0.22, docs/adr/0008-decoders-under-a-lock.md). Here it happens
+under one lock, once per type. A test searches for decoders that are created elsewhere.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ _json: dict[object, msgspec.json.Decoder[object]] = {}
 
 
 def json_decoder(kind: object) -> msgspec.json.Decoder[Any]:
-    """Return the decoder of JSON of a type: a Struct, a union, ``list[str]``; the same one each time."""
+    """Return the shared JSON decoder of a type: a Struct, a union, ``list[str]``."""
     found = _json.get(kind)
     if found is None:
         with _making:
@@ -28,18 +28,18 @@ def json_decoder(kind: object) -> msgspec.json.Decoder[Any]:
 
 
 def msgpack_decoder(kind: object) -> msgspec.msgpack.Decoder[Any]:
-    """Return a decoder of MessagePack of a type."""
+    """Return a MessagePack decoder of a type."""
     with _making:
         return msgspec.msgpack.Decoder(kind)
 
 
 def decode_json(data: bytes | str, kind: type[T]) -> T:
-    """Decode JSON of a type; raises msgspec.DecodeError, of which ValidationError is one."""
+    """Decode JSON to a type; raises msgspec.DecodeError (ValidationError is a subclass)."""
     decoded: T = json_decoder(kind).decode(data)
     return decoded
 
 
 def convert(value: object, kind: type[T], *, from_attributes: bool = False) -> T:
-    """Make a value of a type from plain ones, strictly; raises msgspec.ValidationError."""
-    json_decoder(kind)
+    """Convert plain values to a type, strictly; raises msgspec.ValidationError."""
+    json_decoder(kind)  # has msgspec analyse the type under the lock
     return msgspec.convert(value, kind, strict=True, from_attributes=from_attributes)

@@ -1,8 +1,8 @@
-"""The event loop of a fleet process, and on whose behalf it runs what it runs.
+"""Event loop of a fleet process, which tracks the robot (owner) that each callback belongs to.
 
-libuv's loop (uvloop) takes a third off the time from a command's arrival to its bytes on a robot's link. Its
-callbacks leave no Python frame behind, so this loop notes the owner of each itself: the watchdog, which
-looks from another thread, can name the robot that blocks it.
+uvloop (libuv) takes a third off the time from a command's arrival to its bytes on a robot's link. Its
+callbacks leave no Python frame on the stack, so this loop records their owners itself: then the watchdog,
+which runs on another thread, can name the robot that blocks the loop.
 """
 
 from __future__ import annotations
@@ -20,35 +20,35 @@ import uvloop
 ResultT = TypeVar("ResultT")
 
 OWNER: contextvars.ContextVar[str] = contextvars.ContextVar("owner", default="")
-"""The robot on whose behalf code runs; every task and callback that is made on its way inherits it."""
+"""Name of the robot on whose behalf code runs; inherited by the tasks and callbacks that it creates."""
 
 
 class OwnedTask(asyncio.Task[Any]):
-    """A task that knows its owner."""
+    """A task with the name of its owner."""
 
     owner = ""
 
 
 class OwnedCall:
-    """A callback that knows its owner; its frame is what the watchdog finds on the stack."""
+    """A callback with the name of its owner; the watchdog finds its frame on the stack."""
 
     def __init__(self, owner: str, call: Callable[..., object]) -> None:
         self.owner = owner
         self._call = call
 
     def __call__(self, *arguments: object) -> None:
-        """Call it."""
+        """Call the wrapped function."""
         self._call(*arguments)
 
 
 def owned(call: Callable[..., object]) -> Callable[..., object]:
-    """Return the callback with its owner's name, or as it is when it is nobody's."""
+    """Return the callback wrapped with its owner's name, or unchanged when it has no owner."""
     owner = OWNER.get()
     return OwnedCall(owner, call) if owner else call
 
 
 class FleetLoop(uvloop.Loop):
-    """uvloop's loop with owners."""
+    """uvloop's event loop with owners for its callbacks and tasks."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -57,24 +57,24 @@ class FleetLoop(uvloop.Loop):
         self.set_task_factory(make_task)
 
     async def shutdown_default_executor(self) -> None:  # type: ignore[override]
-        """End it without waiting for calls of adapters, which may never return."""
+        """Shut the executor down without waiting for calls of adapters, which may never return."""
         self._aside.shutdown(wait=False, cancel_futures=True)
 
     def call_later(  # type: ignore[override]
         self, delay: float, callback: Any, *args: Any, context: object = None
     ) -> asyncio.TimerHandle:
-        """Call after a delay, on the owner's behalf; ``call_at`` comes here too."""
+        """Call after a delay, on behalf of the current owner; uvloop's ``call_at`` calls this too."""
         return super().call_later(delay, owned(callback), *args, context=context)
 
     def add_reader(self, fd: object, callback: Any, *args: Any) -> None:  # type: ignore[override]
-        """Call when there is something to read, on the owner's behalf."""
+        """Call when a descriptor is readable, on behalf of the current owner."""
         super().add_reader(fd, owned(callback), *args)
 
 
 def make_task(
     loop: asyncio.AbstractEventLoop, work: Any, *, context: contextvars.Context | None = None, **options: Any
 ) -> asyncio.Task[Any]:
-    """Make an owned task, as ``create_task`` of our loop does; called by itself it takes half the time."""
+    """Create a task with an owner, as this loop's ``create_task`` does; a direct call takes half the time."""
     task = OwnedTask(work, loop=loop, context=context, **options)
     task.owner = OWNER.get() if context is None else context.get(OWNER, "")
     return task
@@ -83,13 +83,13 @@ def make_task(
 def run(
     main: Coroutine[object, object, ResultT], make: Callable[[], asyncio.AbstractEventLoop] = FleetLoop
 ) -> ResultT:
-    """Run a program's main coroutine on a fresh loop, as ``asyncio.run`` does."""
+    """Run a program's main coroutine on a new loop, as ``asyncio.run`` does."""
     with asyncio.Runner(loop_factory=make) as runner:
         return runner.run(main)
 
 
 class BackgroundLoop:
-    """A loop on a thread of its own for as long as a ``with`` block lasts, for who has none to spare."""
+    """A loop on a thread of its own inside a ``with`` block, for callers without an event loop."""
 
     def __init__(self, name: str, make: Callable[[], asyncio.AbstractEventLoop] = FleetLoop) -> None:
         self._started: Future[tuple[asyncio.AbstractEventLoop, asyncio.Event]] = Future()
@@ -121,7 +121,7 @@ class BackgroundLoop:
         return asyncio.run_coroutine_threadsafe(work, loop).result()
 
     async def _turn(self) -> None:
-        """Turn until the block ends."""
+        """Run until the block ends."""
         ended = asyncio.Event()
         self._started.set_result((asyncio.get_running_loop(), ended))
         await ended.wait()

@@ -1,7 +1,7 @@
-"""The wall around anybody's code: whatever it raises comes out as an Exception, and ends nobody else.
+"""Barrier around third-party code: whatever it raises is turned into an Exception.
 
-``sys.exit`` in an adapter would end the edge, and what is no Exception (a panic of a library in Rust, say)
-passes every handler that is meant to stop the robot.
+``sys.exit`` in an adapter would end the edge, and a BaseException (such as a panic of a Rust library) would
+pass every handler that is meant to stop the robot.
 """
 
 from __future__ import annotations
@@ -14,9 +14,9 @@ ResultT = TypeVar("ResultT")
 
 
 async def guarded(work: Callable[[], Awaitable[ResultT]]) -> ResultT:
-    """Return what ``work()`` returns; what it raises beside Exceptions is a RuntimeError.
+    """Return the result of ``work()``; a BaseException that it raises becomes a RuntimeError.
 
-    A cancellation passes: it may be ours.
+    A cancellation passes: it may be our own.
     """
     try:
         return await work()
@@ -27,7 +27,7 @@ async def guarded(work: Callable[[], Awaitable[ResultT]]) -> ResultT:
 
 
 def call_guarded(work: Callable[..., ResultT], *arguments: object) -> ResultT:
-    """Return what ``work(*arguments)`` returns; what it raises beside Exceptions is a RuntimeError."""
+    """Return the result of ``work(*arguments)``; a BaseException that it raises becomes a RuntimeError."""
     try:
         return work(*arguments)
     except (Exception, KeyboardInterrupt):
@@ -37,7 +37,7 @@ def call_guarded(work: Callable[..., ResultT], *arguments: object) -> ResultT:
 
 
 def failure_of(error: BaseException) -> Exception:
-    """Return what was raised as a failure that a future takes, and that ends nobody else.
+    """Return a raised error as an Exception that can be set on a future.
 
     A stray cancellation, a ``sys.exit``, a StopIteration and the like become a RuntimeError.
     """

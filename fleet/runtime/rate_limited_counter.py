@@ -1,6 +1,6 @@
-"""What was refused or lost, counted by reason, and told at most once a minute; what may pass in a minute.
+"""Counter of refused or lost messages, logged at most once a minute per reason; and a plain rate limit.
 
-Bad input can come a thousand times a second: the counters keep all of it, the log keeps readable.
+Bad input can arrive a thousand times a second: the counters count all of it, the log stays readable.
 """
 
 from __future__ import annotations
@@ -11,32 +11,30 @@ from collections import Counter, deque
 
 from fleet.clock import Clock
 
-TELL_EVERY = 60.0  # s between lines of one reason
+TELL_EVERY = 60.0  # s between log lines of one reason
 A_MINUTE = 60.0  # s
-MOST_REASONS = (
-    500  # that are counted, and told in a minute; what others say never becomes a reason of its own
-)
-OTHERS = "others"  # the reason of all beyond
-LONGEST = 500  # characters of a line: who sends something bad may choose its words
+MOST_REASONS = 500  # distinct reasons that are counted and logged; text from outside never becomes a reason
+OTHERS = "others"  # the reason under which all further ones are counted
+LONGEST = 500  # characters of a log line: it may quote untrusted input
 
 
 class RateLimit:
-    """At most so many within any minute; monotonic seconds. Not for several threads at once."""
+    """Limits events to ``most`` within any minute; times are monotonic seconds. Not thread-safe."""
 
     def __init__(self, most: int) -> None:
         self._passed: deque[float] = deque(maxlen=most)
 
     def is_used(self, now: float) -> bool:
-        """Return whether no more may pass now."""
+        """Return True when no further event may pass now."""
         return len(self._passed) == self._passed.maxlen and now - self._passed[0] < A_MINUTE
 
     def use(self, now: float) -> None:
-        """Note that one passes."""
+        """Count one event."""
         self._passed.append(now)
 
 
 class RateLimitedCounter:
-    """Counts by reason; safe from any thread."""
+    """Counts messages by reason and logs some of them; thread-safe."""
 
     def __init__(self, log: logging.Logger, clock: Clock) -> None:
         self._log = log
@@ -47,7 +45,7 @@ class RateLimitedCounter:
         self._told: dict[str, float] = {}
 
     def add(self, reason: str, line: str, *arguments: object) -> None:
-        """Count one, and log the line unless this reason was told within the last minute."""
+        """Count one, and log the line unless this reason was logged within the last minute."""
         now = self._clock.monotonic()
         with self._lock:
             if reason not in self._counts and len(self._counts) >= MOST_REASONS:
@@ -63,11 +61,11 @@ class RateLimitedCounter:
         self._log.warning("%s%s", text, f" ({more} more like this before)" if more else "")
 
     def counts(self) -> dict[str, int]:
-        """Return how many there were, by reason."""
+        """Return the counts by reason."""
         with self._lock:
             return dict(self._counts)
 
     @property
     def total(self) -> int:
-        """How many there were altogether."""
+        """Sum over all reasons."""
         return sum(self.counts().values())

@@ -1,1 +1,1 @@
-"""What the built-in simulated robots share, and the demo broker."""
+"""Common parts of the built-in robot simulators, and the demo broker."""

@@ -1,6 +1,6 @@
-"""Faults by name: how they are written, and the wire that loses, delays, repeats and spoils.
+"""Faults of simulated robots: their notation, and a wire that loses, delays, repeats and corrupts frames.
 
-Written ``loss:0.05,delay:0.2,silent``: names with a number, 1 where it is left out.
+Written ``loss:0.05,delay:0.2,silent``: names with a number, which defaults to 1.
 """
 
 from __future__ import annotations
@@ -20,11 +20,11 @@ WIRE_FAULTS: Mapping[str, str] = {
     "silent": "nothing comes through in either direction",
 }
 _SHARES = frozenset({"loss", "duplicate", "reorder", "corrupt"})
-_OVERTAKEN = 0.05  # seconds that a reordered frame is late
+_OVERTAKEN = 0.05  # s by which a reordered frame is delayed
 
 
 def check_fault(name: str, value: float, known: Mapping[str, str]) -> None:
-    """Raise ValueError when there is no such fault, or its number makes no sense."""
+    """Raise ValueError for an unknown fault, or for a number out of its range."""
     if name not in known:
         near = difflib.get_close_matches(name, known, n=1)
         hint = f"did you mean {near[0]!r}?" if near else f"there are {', '.join(sorted(known))}"
@@ -34,7 +34,7 @@ def check_fault(name: str, value: float, known: Mapping[str, str]) -> None:
 
 
 def parse_faults(text: str, known: Mapping[str, str]) -> dict[str, float]:
-    """Return the faults of ``loss:0.05,silent`` by name; raises ValueError saying what is wrong."""
+    """Parse faults such as ``loss:0.05,silent`` to values by name; raises ValueError with the reason."""
     found: dict[str, float] = {}
     for part in filter(None, (piece.strip() for piece in text.split(","))):
         name, _, number = part.partition(":")
@@ -48,9 +48,9 @@ def parse_faults(text: str, known: Mapping[str, str]) -> dict[str, float]:
 
 
 class BadWire:
-    """One direction of a wire with faults; without any it passes frames on at once.
+    """One direction of a wire with faults; without faults it passes frames on at once.
 
-    ``faults`` is read at every call, so it may be changed while frames are under way.
+    ``faults`` is read at every call, so it may be changed while frames are in transit.
     """
 
     def __init__(self, faults: Mapping[str, float], random: Random) -> None:
@@ -60,7 +60,7 @@ class BadWire:
         self._count = 0
 
     def carry(self, frames: Iterable[bytes], now: float) -> list[bytes]:
-        """Take what is sent at ``now`` (seconds); return what arrives by then, in order of arrival."""
+        """Send ``frames`` at ``now`` (seconds); return the frames that arrive by then, in that order."""
         if not self._faults and not self._inflight:
             return list(frames)
         for frame in frames:
@@ -75,7 +75,7 @@ class BadWire:
         return share > 0.0 and self._random.random() < share
 
     def _put(self, frame: bytes, now: float) -> None:
-        """Decide what becomes of one frame."""
+        """Apply the faults to one frame, and schedule its arrival."""
         if "silent" in self._faults or self._happens("loss"):
             return
         if self._happens("corrupt") and frame:

@@ -1,4 +1,4 @@
-"""A simulator as a subprocess: what ``sim:`` links of one process share."""
+"""A simulator in a subprocess, shared by the ``sim:`` links of one process."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ import msgspec
 
 from fleet.errors import LinkLost, LinkRefused
 
-_START = 30.0  # s that the subprocess may take to start and to answer
+_START = 30.0  # s within which the subprocess must start and answer
 _STOP = 3.0
 
 
@@ -59,7 +59,7 @@ class SimProcess:
     async def robot(self, spec: object) -> AsyncIterator[str]:
         """Give the link of a new simulated robot, which goes when this ends.
 
-        Raises LinkLost when the subprocess is gone, LinkRefused for a robot that cannot be.
+        Raises LinkLost when the subprocess is gone, LinkRefused for an invalid specification.
         """
         url = (await self.ask({"add": spec}))["url"]
         try:
@@ -69,7 +69,7 @@ class SimProcess:
                 await self.ask({"remove": {"url": url}})
 
     async def fault(self, url: str, name: str, value: float | None = 1.0) -> None:
-        """Begin a fault of the robot behind a link; None ends it. Raises LinkLost or LinkRefused."""
+        """Start a fault of the robot behind a link; None ends it. Raises LinkLost or LinkRefused."""
         await self.ask({"fault": {"url": url, "name": name, "value": value}})
 
     async def lost(self) -> Never:

@@ -1,11 +1,11 @@
-"""All simulated robots of one process: moved by one wheel, commanded by JSON lines, one line out for each.
+"""Server of all simulated robots of one process: JSON lines in, one answer line for each.
 
     {"add": {...}}                                             -> {"url": "udpout:127.0.0.1:40001"}
     {"fault": {"url": "...", "name": "loss", "value": 0.05}}   -> {}    (value null ends it)
     {"look": {"url": "..."}}                                   -> {"x": 0.1, ...}    (where it truly is)
     {"remove": {"url": "..."}}                                 -> {}
 
-What cannot be done is answered by ``{"error": "why"}``.
+A request that fails is answered by ``{"error": "why"}``.
 """
 
 from __future__ import annotations
@@ -30,23 +30,23 @@ class SimulatedRobot(Protocol):
     url: str
 
     def step(self) -> None:
-        """Let it live on to the present."""
+        """Simulate up to the present time."""
 
     def fault(self, name: str, value: float | None) -> None:
-        """Begin a fault, or end it (None); raises ValueError for one that does not exist."""
+        """Start a fault, or end it (None); raises ValueError for an unknown fault."""
 
     def look(self) -> dict[str, float]:
-        """Return where it truly is."""
+        """Return the true position and state."""
 
     def close(self) -> None:
-        """Take it away."""
+        """Remove the robot and its link."""
 
 
 RobotT = TypeVar("RobotT", bound=SimulatedRobot)
 
 
 class _Ask(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """Something about the robot behind ``url``."""
+    """A request about the robot behind ``url``."""
 
     url: str
     name: str = ""
@@ -54,7 +54,7 @@ class _Ask(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class _Line(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """One line: exactly one of them."""
+    """One request line: exactly one field is set."""
 
     add: msgspec.Raw = msgspec.Raw()
     fault: _Ask | None = None
@@ -63,7 +63,7 @@ class _Line(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class SimServer(ABC, Generic[SpecT, RobotT]):
-    """The simulated robots of this process, by their URL. ``tick``: s between two steps of all."""
+    """The simulated robots of this process, by URL. ``tick``: s between two steps of all robots."""
 
     Spec: type[SpecT]
     tick: ClassVar[float] = 0.02
@@ -73,19 +73,19 @@ class SimServer(ABC, Generic[SpecT, RobotT]):
 
     @abstractmethod
     async def make(self, spec: SpecT) -> RobotT:
-        """Make a robot; raises ValueError for one that cannot be, OSError when its place is taken."""
+        """Create a robot; raises ValueError for an invalid specification, OSError when its port is in use."""
 
     async def add(self, spec: SpecT) -> RobotT:
-        """Make a robot and let it live; raises what ``make`` raises."""
+        """Create a robot and start to simulate it; raises like ``make``."""
         return self.keep(await self.make(spec))
 
     def keep(self, robot: RobotT) -> RobotT:
-        """Let a robot live from now on."""
+        """Simulate a robot from now on."""
         self.robots[robot.url] = robot
         return robot
 
     async def answer(self, line: bytes) -> bytes:
-        """Carry out one line; return the line that answers it, with its newline."""
+        """Carry out one request line; return the answer line, with its newline."""
         try:
             told = await self._carry_out(decode_json(line, _Line))
         except (ValueError, OSError) as error:
@@ -93,7 +93,7 @@ class SimServer(ABC, Generic[SpecT, RobotT]):
         return msgspec.json.encode(told) + b"\n"
 
     async def _carry_out(self, ask: _Line) -> dict[str, object]:
-        """Carry out one ask; raises ValueError or OSError."""
+        """Carry out one request; raises ValueError or OSError."""
         if ask.add:
             return {"url": (await self.add(decode_json(ask.add, self.Spec))).url}
         if ask.fault is not None:
@@ -108,13 +108,13 @@ class SimServer(ABC, Generic[SpecT, RobotT]):
         raise ValueError("say one of add, fault, look and remove")
 
     def _robot(self, ask: _Ask) -> RobotT:
-        """Return the robot that is meant; raises ValueError."""
+        """Return the robot of a request; raises ValueError when there is none."""
         if ask.url not in self.robots:
             raise ValueError(f"there is no simulated robot at {ask.url}")
         return self.robots[ask.url]
 
     async def run(self) -> None:
-        """Let all robots live until cancelled; then take them away."""
+        """Simulate all robots until cancelled; then close them."""
         loop = asyncio.get_running_loop()
         due = loop.time()
         try:
@@ -128,9 +128,9 @@ class SimServer(ABC, Generic[SpecT, RobotT]):
                 robot.close()
 
     async def serve(self, *, obeys: bool) -> None:
-        """Live until SIGINT or SIGTERM; ``obeys``: carry out the lines of stdin, and end when it closes.
+        """Run until SIGINT or SIGTERM; ``obeys``: carry out the lines of stdin, and end when it closes.
 
-        Says on stdout where the robots are that are there already.
+        Writes the URLs of the robots that exist at the start to stdout.
         """
         loop = asyncio.get_running_loop()
         ended = asyncio.Event()

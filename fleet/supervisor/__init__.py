@@ -1,1 +1,1 @@
-"""The parent of an edge: it outlives the processes that have robots, halts those robots, and starts again."""
+"""Parent process of an edge: halts the robots of a process that dies, and restarts the edge."""

@@ -1,4 +1,4 @@
-"""A process with robots and its supervisor: halts are left there, stops come from there."""
+"""Connection of a process with robots to its supervisor: registers halts there, receives stops from it."""
 
 from __future__ import annotations
 
@@ -38,17 +38,15 @@ from fleet.supervisor.sockets import VARIABLE, connected
 
 log = logging.getLogger(__name__)
 
-WELCOME_WITHIN = 5.0  # s that a supervisor has to answer; it is idle but for us
-DROPPED_WITHIN = 0.5  # s
-BEAT = 0.25  # s between signs of life
+WELCOME_WITHIN = 5.0  # s within which a supervisor must answer Hello
+DROPPED_WITHIN = 0.5  # s to wait until a halt is unregistered
+BEAT = 0.25  # s between heartbeats
 
 
 class SupervisorClient:
-    """This process's way to its supervisor. Without one (``sock`` None) nothing is kept and nothing comes.
+    """Connection to the supervisor; without one (``sock`` None) all calls do nothing.
 
-    ``folder`` is the runtime folder.
-
-    ``keep`` and ``drop`` may be called from any thread and never wait.
+    ``folder`` is the runtime folder. ``keep`` may be called from any thread and never waits.
     """
 
     def __init__(self, sock: socket.socket | None = None, folder: Path | None = None) -> None:
@@ -70,15 +68,15 @@ class SupervisorClient:
         stop: Callable[[StopRequest], list[str]],
         end: Callable[[str], None],
     ) -> None:
-        """Say who we are, take the stops that came before us, and serve from now on, on a thread.
+        """Introduce this process, apply the stops that were kept for it, and start the receiving thread.
 
-        ``stop`` stops the robots that a message names (all without names) and returns which; ``end`` ends
-        this process in order. Both are called on that thread.
+        ``stop`` stops the robots that a message names (all when it names none) and returns their names;
+        ``end`` shuts this process down in order. Both are called on that thread.
         """
         if self._sock is None:
             return
         self._edge, self._stop, self._end = edge, stop, end
-        # A forked child that has the connection too would hide our death from the supervisor.
+        # A forked child with a copy of the connection would hide our death from the supervisor.
         os.register_at_fork(after_in_child=self._sock.close)
         self._sock.settimeout(WELCOME_WITHIN)
         self._send(Hello(edge, worker, os.getpid()))
@@ -88,7 +86,7 @@ class SupervisorClient:
         self._thread.start()
 
     def _stops_before(self) -> tuple[StopRequest, ...]:
-        """Return the stops that came while nobody was there: one for all, where nobody can know."""
+        """Return the stops that were requested before this process started; one for all when unknown."""
         assert self._sock is not None
         try:
             welcome = protocol.decode(self._sock.recv(LONGEST))
@@ -101,15 +99,15 @@ class SupervisorClient:
         return (StopRequest(why="nobody knows which stops came while the edge was away"),)
 
     def running(self) -> None:
-        """Say that the robots are served: from now on our death is followed by a new start."""
+        """Report that the robots are served: from now on the supervisor restarts this process if it dies."""
         self._send(EdgeRunning())
 
     def ending(self) -> None:
-        """Say that we end because somebody asked us to."""
+        """Report that this process ends on request, so that it is not restarted."""
         self._send(OrderlyEnd())
 
     def close(self) -> None:
-        """End the conversation."""
+        """Stop the thread and close the connection."""
         self._closed.set()
         if self._sock is not None:
             if self._thread.is_alive() and self._thread is not threading.current_thread():
@@ -125,9 +123,10 @@ class SupervisorClient:
         *,
         kept: Callable[[], None],
     ) -> bool:
-        """Leave a robot's halt with the supervisor; False when that cannot be.
+        """Register a robot's halt with the supervisor; returns False when that is impossible.
 
-        ``kept`` is called once the supervisor has said that it keeps it, on its thread; never if it does not.
+        ``kept`` is called, on the receiving thread, once the supervisor has confirmed it; never if it does
+        not.
         """
         if self._sock is None or descriptor < 0:
             return False
@@ -143,7 +142,7 @@ class SupervisorClient:
         return True
 
     def leave_farewell(self, words: bytes) -> None:
-        """Leave what the cloud is to be told when this process dies, in a file that has no name."""
+        """Leave the disconnect notice for the cloud with the supervisor, in a file without a name."""
         if self._sock is None:
             return
         try:
@@ -155,7 +154,10 @@ class SupervisorClient:
             log.error("the supervisor cannot tell the cloud when this process dies: %s", error)  # noqa: TRY400
 
     async def drop(self, robot: str) -> None:
-        """Take a robot's halt back; returns when the supervisor has closed its link, to be opened again."""
+        """Unregister a robot's halt; returns when the supervisor has closed its copy of the link.
+
+        Only then can the link be opened again: a serial device is opened exclusively.
+        """
         if self._sock is None:
             return
         loop = asyncio.get_running_loop()
@@ -173,13 +175,13 @@ class SupervisorClient:
         self._waiting.pop(number, None)
 
     def _send(self, message: Message) -> None:
-        """Send a message; a supervisor that is gone is noticed by the thread."""
+        """Send a message; the receiving thread notices when the supervisor is gone."""
         if self._sock is not None:
             with contextlib.suppress(OSError):
                 self._sock.send(protocol.encode(message))
 
     def _run(self) -> None:
-        """Be the thread: read, and show that this process is not frozen."""
+        """Body of the receiving thread: read messages, and send heartbeats."""
         assert self._sock is not None
         while not self._closed.is_set():
             try:
@@ -195,11 +197,11 @@ class SupervisorClient:
                 return
             try:
                 self._take(protocol.decode(data))
-            except Exception:  # what comes next may be a stop
+            except Exception:  # go on: the next message may be a stop
                 log.exception("a message of the supervisor could not be taken")
 
     def _take(self, message: Message) -> None:
-        """Do what a message says."""
+        """Handle a message."""
         match message:
             case StopRequest():
                 self._send(StopAnswer(message.number, self._edge, tuple(self._stop(message))))
@@ -212,9 +214,9 @@ class SupervisorClient:
 
 
 def connect_supervisor(environ: Mapping[str, str] = os.environ) -> SupervisorClient:
-    """Return the way to the supervisor that started this process, if one did.
+    """Return the connection to the supervisor that started this process, if one did.
 
-    Raises StateError when that is gone: nothing runs that was to be supervised and is not.
+    Raises StateError when that supervisor is gone: a process that should be supervised must not run without.
     """
     path = environ.get(VARIABLE, "")
     if not path:

@@ -1,4 +1,4 @@
-"""What the cloud is told when an edge dies: left by the edge, told by a short-lived program of its own."""
+"""Disconnect notice for the cloud when an edge dies: left by the edge, sent by a short-lived program."""
 
 from __future__ import annotations
 
@@ -9,10 +9,10 @@ from collections.abc import Callable, Sequence
 
 
 class DisconnectNotice:
-    """``command`` tells what the file on its standard input says; empty: nobody tells anything.
+    """Keeps a notice and runs ``command`` to send it, with the notice's file as standard input.
 
-    The file holds the way to the broker, credentials included: it has no name, and nothing of it is read
-    here. ``told`` takes lines for people.
+    An empty ``command`` sends nothing. The file holds the broker's address and credentials: it has no name,
+    and its content is not read here. ``told`` takes lines for people.
     """
 
     def __init__(self, command: Sequence[str], told: Callable[[str], None]) -> None:
@@ -22,13 +22,13 @@ class DisconnectNotice:
         self._event_reporter: subprocess.Popen[bytes] | None = None
 
     def keep(self, descriptors: list[int]) -> None:
-        """Take the file that came with a message, in place of the one before; none forgets that."""
+        """Keep the file that came with a message, in place of the previous one; without a file, keep none."""
         self.forget()
         if descriptors:
             self._file = descriptors.pop()
 
     def tell(self) -> None:
-        """Begin to tell what was left, once; without waiting for it."""
+        """Start sending the notice, once; do not wait for the end."""
         if self._file is None or not self._command:
             return
         try:
@@ -39,14 +39,14 @@ class DisconnectNotice:
         self.forget()
 
     def break_off(self) -> None:
-        """End the telling: the next edge is there and speaks for itself."""
+        """Abort the sending: the next edge is up and reports its state itself."""
         if self._event_reporter is not None:
             self._event_reporter.kill()
             self._event_reporter.wait()
             self._event_reporter = None
 
     def forget(self) -> None:
-        """Let go of the file."""
+        """Close the file."""
         file, self._file = self._file, None
         if file is not None:
             with contextlib.suppress(OSError):

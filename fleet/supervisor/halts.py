@@ -1,4 +1,4 @@
-"""The halts of robots whose process may die: their links, held open by another process, and what to write."""
+"""Registered halts of robots: a copy of the link, held open by the supervisor, and the frames to write."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ Write = Callable[[bytes], object]
 
 
 class RegisteredHalt(msgspec.Struct, frozen=True):
-    """How one robot is halted; ``close`` lets go of its link."""
+    """Halt of one robot: its frames and how to write them; ``close`` closes the copy of its link."""
 
     frames: tuple[bytes, ...]
     write: Write
@@ -26,7 +26,7 @@ class RegisteredHalt(msgspec.Struct, frozen=True):
 
 
 def registered_halt(descriptor: int, frames: tuple[bytes, ...], address: Address) -> RegisteredHalt:
-    """Return how frames are written to a link of which this process has a descriptor of its own.
+    """Return the halt for a link of which this process has a descriptor of its own.
 
     Raises OSError for a descriptor that is neither a socket nor a device.
     """
@@ -39,12 +39,12 @@ def registered_halt(descriptor: int, frames: tuple[bytes, ...], address: Address
 
 
 def _to(sock: socket.socket, address: Address) -> Write:
-    """Return what writes to a socket."""
+    """Return a function that writes to a socket."""
     return sock.send if address is None else lambda frame: sock.sendto(frame, address)
 
 
 def _to_device(descriptor: int) -> Write:
-    """Return what writes to a serial device; what the line has not taken yet makes room for a halt."""
+    """Return a function that writes to a serial device; a full output queue is discarded for the halt."""
 
     def write(frame: bytes) -> None:
         try:
@@ -57,14 +57,14 @@ def _to_device(descriptor: int) -> Write:
 
 
 class ProcessHalts:
-    """Those of one process, by robot. The last that a robot left counts."""
+    """Registered halts of one process, by robot; a newer halt of a robot replaces the older one."""
 
     def __init__(self) -> None:
         self._kept: dict[str, RegisteredHalt] = {}
 
     @property
     def robots(self) -> list[str]:
-        """The robots that can be halted."""
+        """Names of the robots that can be halted."""
         return sorted(self._kept)
 
     def keep(self, robot: str, halt: RegisteredHalt) -> None:
@@ -77,31 +77,31 @@ class ProcessHalts:
         if not descriptors:
             raise OSError(errno.EBADF, f"the link of {robot} did not come with its halt")
         halt = registered_halt(descriptors[-1], frames, address)
-        descriptors.pop()
+        descriptors.pop()  # only now: the caller closes the descriptors that are left in the list
         self.keep(robot, halt)
 
     def drop(self, robot: str) -> None:
-        """Forget a robot's halt; one that is not known is none."""
+        """Remove a robot's halt, if it has one, and close its link."""
         halt = self._kept.pop(robot, None)
         if halt is not None:
             with contextlib.suppress(OSError):
                 halt.close()
 
     def write(self) -> list[str]:
-        """Halt every robot; return those whose link took it. One that fails keeps no other from its halt."""
+        """Halt every robot; return those whose link accepted it. A failure does not affect the others."""
         return [robot for robot, halt in self._kept.items() if _written(halt)]
 
     def close(self) -> None:
-        """Forget all."""
+        """Remove all halts."""
         for robot in self.robots:
             self.drop(robot)
 
 
 def _written(halt: RegisteredHalt) -> bool:
-    """Write a halt; return False for a link that does not take it."""
+    """Write a halt; return False when the link does not accept it."""
     try:
         for frame in halt.frames:
             halt.write(frame)
-    except Exception:  # noqa: BLE001 - whatever is wrong with one keeps no other from its halt
+    except Exception:  # noqa: BLE001 - no failure may keep the other robots from their halts
         return False
     return True

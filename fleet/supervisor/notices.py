@@ -1,4 +1,4 @@
-"""What the supervisor tells people, without ever waiting for them."""
+"""Messages of the supervisor to people, printed without ever blocking it."""
 
 from __future__ import annotations
 
@@ -7,11 +7,11 @@ import signal
 import sys
 import threading
 
-TOLD_WITHIN = 0.02  # s that a line may take before what comes next goes on
+TOLD_WITHIN = 0.02  # s to wait for a line to be printed before going on
 
 
 def print_in_thread(line: str) -> None:
-    """Tell a line on stderr, from a thread of its own: a terminal that is held up must hold up no halt."""
+    """Print a line to stderr from a thread of its own: a blocked terminal must not delay a halt."""
     text = f"fleet: {line}\n"
 
     def tell() -> None:
@@ -25,7 +25,7 @@ def print_in_thread(line: str) -> None:
 
 
 def reason_of(code: int) -> str:
-    """Say how a process ended."""
+    """Return how a process ended, as text."""
     if code >= 0:
         return f"exit code {code}"
     with contextlib.suppress(ValueError):

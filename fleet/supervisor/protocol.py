@@ -1,7 +1,7 @@
-"""What a supervisor and the processes with robots say to each other, one JSON message a packet.
+"""Protocol between a supervisor and the processes with robots: one JSON message per packet.
 
-The way is a Unix socket of packets (SOCK_SEQPACKET) in the runtime folder, for this user alone.
-``RegisterHalt`` comes with a file descriptor.
+The transport is a Unix packet socket (SOCK_SEQPACKET) in the runtime folder, accessible to this user only.
+``RegisterHalt`` and ``LeftNotice`` come with a file descriptor.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ LONGEST_REASON = 200  # characters of a stop's reason, and of its request
 
 
 class Hello(msgspec.Struct, tag="hello", frozen=True):
-    """A process with robots is there. ``worker`` is empty for the edge's own process."""
+    """First message of a process with robots. ``worker`` is empty for the edge's own process."""
 
     edge: str
     worker: str = ""
@@ -23,10 +23,10 @@ class Hello(msgspec.Struct, tag="hello", frozen=True):
 
 
 class StopRequest(msgspec.Struct, tag="stop", frozen=True):
-    """An emergency stop for robots or groups by name; no name means all. ``number`` comes back in Stopped.
+    """An emergency stop for robots or groups by name; no name means all. ``StopAnswer`` repeats ``number``.
 
-    ``why`` is the asker's reason, ``request`` its id: the same stop may come by the bus as well. ``by`` is
-    the user whose process asked, as the supervisor saw it at the socket, whatever was sent.
+    ``why`` is the sender's reason, ``request`` its id: the same stop may also arrive over the bus. ``by`` is
+    the user of the sending process; the supervisor sets it from the socket, whatever was sent.
     """
 
     names: tuple[str, ...] = ()
@@ -37,15 +37,15 @@ class StopRequest(msgspec.Struct, tag="stop", frozen=True):
 
 
 class Welcome(msgspec.Struct, tag="welcome", frozen=True):
-    """The answer to Hello: the stops that came while no edge was there to take them."""
+    """The answer to ``Hello``: the stops that were requested while no edge was running."""
 
     stops: tuple[StopRequest, ...] = ()
 
 
 class RegisterHalt(msgspec.Struct, tag="keep", frozen=True):
-    """The frames that halt a robot, and with the message the descriptor of the link to write them to.
+    """The frames that halt a robot; the descriptor of the link to write them to comes with the message.
 
-    ``address``: to whom, for datagrams. ``number`` comes back in Kept.
+    ``address``: destination of datagrams. ``HaltRegistered`` repeats ``number``.
     """
 
     robot: str
@@ -55,34 +55,34 @@ class RegisterHalt(msgspec.Struct, tag="keep", frozen=True):
 
 
 class HaltRegistered(msgspec.Struct, tag="kept", frozen=True):
-    """The answer to Keep: the frames are written if the process dies. What is refused has no answer."""
+    """The answer to ``RegisterHalt``: the frames are written if the process dies. A refusal has no answer."""
 
     number: int
 
 
 class UnregisterHalt(msgspec.Struct, tag="drop", frozen=True):
-    """Forget a robot's frames and close the descriptor: the link is closed in order."""
+    """Forget a robot's frames and close the descriptor: the process closes the link in order."""
 
     robot: str
     number: int = 0
 
 
 class HaltUnregistered(msgspec.Struct, tag="dropped", frozen=True):
-    """The answer to Drop: nobody else has the link open any more."""
+    """The answer to ``UnregisterHalt``: the supervisor no longer has the link open."""
 
     number: int
 
 
 class EdgeRunning(msgspec.Struct, tag="running", frozen=True):
-    """The edge serves its robots; from now on its death is followed by a new start."""
+    """The edge serves its robots; from now on it is restarted if it dies."""
 
 
 class LeftNotice(msgspec.Struct, tag="farewell", frozen=True):
-    """What the cloud is to be told when the edge dies; the descriptor of its file comes with the message."""
+    """Disconnect notice for the cloud, to send if the edge dies; its file's descriptor comes with it."""
 
 
 class OrderlyEnd(msgspec.Struct, tag="ended", frozen=True):
-    """The edge ends because somebody asked it to."""
+    """The edge ends on request."""
 
 
 class ProcessHeartbeat(msgspec.Struct, tag="beat", frozen=True):
@@ -90,7 +90,7 @@ class ProcessHeartbeat(msgspec.Struct, tag="beat", frozen=True):
 
 
 class StopAnswer(msgspec.Struct, tag="stopped", frozen=True):
-    """The answer to Stop: who was told, and whether it is kept for an edge that is not there now."""
+    """The answer to ``StopRequest``: the robots stopped; ``kept``: the stop also waits for the next edge."""
 
     number: int = 0
     edge: str = ""

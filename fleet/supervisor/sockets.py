@@ -1,4 +1,4 @@
-"""Where supervisors listen: sockets in the runtime folder, for this user alone."""
+"""Sockets of supervisors in the runtime folder, accessible to this user only."""
 
 from __future__ import annotations
 
@@ -11,24 +11,24 @@ from collections.abc import Iterator
 from pathlib import Path
 
 VARIABLE = "FLEET_SUPERVISOR"
-"""The environment variable that tells processes with robots where their supervisor listens."""
-LONGEST = 107  # bytes of a socket's path that the kernel takes
+"""Environment variable with the socket path of the supervisor, for processes with robots."""
+LONGEST = 107  # bytes of a socket's path that the kernel accepts
 _PREFIX, _SUFFIX = "supervisor-", ".sock"
-_PEER = struct.Struct("3i")  # what the kernel tells of a peer: process, user, group
+_PEER = struct.Struct("3i")  # struct ucred of SO_PEERCRED: process, user, group
 
 
 def socket_of(directory: Path, process: int) -> Path:
-    """Return where the supervisor of this process id listens."""
+    """Return the socket path of the supervisor with this process id."""
     return directory / f"{_PREFIX}{process}{_SUFFIX}"
 
 
 def sockets_in(directory: Path) -> Iterator[Path]:
-    """Yield the sockets of all supervisors, those of dead ones included."""
+    """Yield the sockets of all supervisors, including dead ones."""
     yield from sorted(directory.glob(f"{_PREFIX}*{_SUFFIX}"))
 
 
 def listening(path: Path) -> socket.socket:
-    """Return a socket that listens at a path, in place of a dead process's; raises OSError."""
+    """Return a socket that listens at a path, replacing that of a dead process; raises OSError."""
     if len(str(path).encode()) > LONGEST:
         raise OSError(f"{path} is too long for a Unix socket; set FLEET_RUNTIME_DIR to a shorter place")
     path.unlink(missing_ok=True)
@@ -56,7 +56,7 @@ def connected(path: Path, *, within: float) -> socket.socket:
 
 
 def user_of(sock: socket.socket) -> str:
-    """Return the user whose process is at the other end, as the kernel knows it; never raises."""
+    """Return the user of the process at the other end, as known to the kernel; never raises."""
     try:
         found = sock.getsockopt(socket.SOL_SOCKET, socket.SO_PEERCRED, _PEER.size)
     except OSError:
@@ -67,7 +67,7 @@ def user_of(sock: socket.socket) -> str:
 
 @functools.cache
 def users() -> dict[int, str]:
-    """Return the names of who can reach the sockets, root and this user; may wait the first time."""
+    """Return the names of the users that can open the sockets, by id; the first call may block."""
     names = {0: "root"}
     try:
         names[os.getuid()] = pwd.getpwuid(os.getuid()).pw_name

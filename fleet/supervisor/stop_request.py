@@ -1,4 +1,4 @@
-"""Asking supervisors for an emergency stop; needs neither bus nor fleet.yaml, imports next to nothing."""
+"""Emergency stop through the supervisors; needs neither bus nor fleet.yaml, and imports very little."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from fleet.supervisor.sockets import connected, sockets_in
 
 log = logging.getLogger(__name__)
 
-STOP_WITHIN = 5.0  # s that a supervisor has to answer a stop
+STOP_WITHIN = 5.0  # s within which a supervisor must answer a stop
 
 
 def stop_all(
@@ -23,10 +23,10 @@ def stop_all(
 ) -> list[StopAnswer]:
     """Emergency-stop robots through every supervisor of this user; returns their answers.
 
-    Needs neither the bus nor fleet.yaml. No name means every robot, and so do more than fit a message.
-    ``why`` is for the history, ``request`` tells there that the stop on the bus is this one; both are cut.
+    No name means every robot, and so do more names than fit into a message. ``why`` is for the history,
+    ``request`` identifies the same stop on the bus there; both are cut to length.
     """
-    # A name that is no text must not hold up the others.
+    # A name that cannot be encoded must not prevent the stop of the others.
     named = tuple(name.encode(errors="replace").decode() for name in names)
     why, request = (text[:LONGEST_REASON].encode(errors="replace").decode() for text in (why, request))
     message = protocol.encode(StopRequest(named, why=why, request=request))
@@ -38,7 +38,7 @@ def stop_all(
             sock = connected(path, within=STOP_WITHIN)
             asked.append(sock)
             sock.send(message)
-        except ConnectionRefusedError:  # a dead one's
+        except ConnectionRefusedError:  # the socket of a dead supervisor
             with contextlib.suppress(OSError):
                 path.unlink(missing_ok=True)
         except OSError as error:
@@ -47,7 +47,7 @@ def stop_all(
 
 
 def _answer(sock: socket.socket) -> StopAnswer | None:
-    """Return a supervisor's answer, None for none in time."""
+    """Return a supervisor's answer, None when it does not arrive in time."""
     with sock:
         try:
             answer = protocol.decode(sock.recv(LONGEST))

@@ -1,17 +1,17 @@
-"""The supervisor: starts an edge, halts the robots of a process that dies, starts the edge again.
+"""The supervisor: starts an edge, halts the robots of a process that dies, restarts the edge.
 
-It does little, on one thread, so that nothing of an adapter, the bus or the cloud can take it along:
+It does little, on one thread, so that no fault of an adapter, the bus or the cloud can end it too:
 
 ==============================  ===========================================================================
-what happens                    what it does
+event                           reaction
 ==============================  ===========================================================================
 a process with robots dies      writes their halts to their links at once, and a few times more
-the edge dies                   that, ends its workers in order, and starts the edge again, at first at once;
-                                has the cloud told that its twins are disconnected
+the edge dies                   also ends its workers in order and restarts the edge, the first time at once;
+                                has the cloud notified that its twins are disconnected
 the edge is frozen              writes the halts, kills it, and goes on as above
-a stop comes while it is away   writes all halts; the next edge begins with that stop
-a signal asks for the end       passes it on; ends when the edge has ended, with its exit code
-the supervisor itself dies      the edge and its workers end in order: they hear it at once
+a stop comes without an edge    writes all halts; the next edge starts with that stop
+a signal requests the end       forwards it; ends when the edge has ended, with its exit code
+the supervisor itself dies      the edge and its workers end in order: their connection closes at once
 ==============================  ===========================================================================
 """
 
@@ -53,30 +53,30 @@ from fleet.supervisor.protocol import (
 )
 from fleet.supervisor.sockets import VARIABLE, listening, user_of, users
 
-LOOK = 0.02  # s between looks, at most
+LOOK = 0.02  # s, longest time between two turns of the loop
 REPEATS = 5  # times that the halts of a dead process are written, in case a line loses one
-FROZEN = 5.0  # s without a beat after which the edge counts as frozen; a busy computer takes a fraction
-ASLEEP = 1.0  # s without a look after which this process counts as having been stopped itself
-ANSWER_WITHIN = 0.5  # s that the edge has to answer a stop
-STABLE_AFTER = 30.0  # s of life after which the next start is quick again
-FIRST_WAIT, LONGEST_WAIT = 0.1, 5.0  # s before a new start
+FROZEN = 5.0  # s without a heartbeat after which the edge counts as frozen; a busy computer needs a fraction
+ASLEEP = 1.0  # s without a turn after which this process counts as having been suspended itself
+ANSWER_WITHIN = 0.5  # s within which the edge must answer a stop
+STABLE_AFTER = 30.0  # s of uptime after which the next restart is quick again
+FIRST_WAIT, LONGEST_WAIT = 0.1, 5.0  # s before a restart
 PASSED_ON = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGTSTP)
 
 
 class _Peer:
-    """One connection: a process with robots, or who asks for a stop."""
+    """One connection: a process with robots, or a sender of a stop."""
 
     def __init__(self, sock: socket.socket, now: float) -> None:
         self.sock = sock
         self.halts = ProcessHalts()
         self.name = "somebody"
-        self.edge = ""  # of which edge its robots are
-        self.is_edge = False  # the process that we started
+        self.edge = ""  # id of the edge that its robots belong to; empty for a process without robots
+        self.is_edge = False  # whether it is the process that we started
         self.user = user_of(sock)
         self.heard = now
 
     def send(self, message: Message) -> bool:
-        """Send a message; False for who is gone or does not read."""
+        """Send a message; False when the peer is gone or does not read."""
         try:
             self.sock.send(protocol.encode(message))
         except OSError:
@@ -85,7 +85,7 @@ class _Peer:
 
 
 class _Asked:
-    """A stop that was passed on to ``told``; ``until``: when their answers are late (monotonic s)."""
+    """A stop that was forwarded to the peers ``told``; ``until``: deadline of the answers (monotonic s)."""
 
     def __init__(self, peer: _Peer, stop: StopRequest, until: float) -> None:
         self.peer = peer
@@ -97,7 +97,7 @@ class _Asked:
 
 
 class _Dead(msgspec.Struct):
-    """The halts of a process that died, written ``left`` times more, next at ``at`` (monotonic s)."""
+    """Halts of a process that died, to be written ``left`` more times, next at ``at`` (monotonic s)."""
 
     halts: ProcessHalts
     left: int
@@ -105,10 +105,10 @@ class _Dead(msgspec.Struct):
 
 
 class Supervisor:
-    """Runs ``command``, an edge, until it ends because somebody asked it to.
+    """Runs ``command``, an edge, until it ends on request.
 
-    ``told`` takes lines for people; ``farewell`` is the command that tells the cloud of the edge's death. A
-    worker that was started by hand has a supervisor of its own, for which it is what is called the edge here.
+    ``told`` takes lines for people; ``farewell`` is the command that sends the cloud the disconnect notice.
+    A worker that is started by hand has a supervisor of its own, in which "the edge" is that worker.
     """
 
     def __init__(
@@ -129,18 +129,18 @@ class Supervisor:
         self._peers: list[_Peer] = []
         self._dead: list[_Dead] = []
         self._asked: dict[int, _Asked] = {}
-        self._stops: list[StopRequest] = []  # for an edge that is not there
+        self._stops: list[StopRequest] = []  # kept for the next edge
         self._numbers = 0
         self._edge_id = ""
         self._child: subprocess.Popen[bytes] | None = None
         self._started = self._looked = clock.monotonic()
         self._start_at = self._started  # when the edge is started next
         self._waits = backoff(first=FIRST_WAIT, longest=LONGEST_WAIT)
-        self._ran = False  # the edge has served its robots: a death is not a mistake in fleet.yaml
+        self._ran = False  # the edge has served its robots, so its death is not an error in fleet.yaml
         self._ending = False
-        self._in_order = False  # the edge has said that it ends
-        self._signalled = 0  # the signal that asked for the end while there was no edge
-        users()  # now: it may wait for a directory service
+        self._in_order = False  # the edge has reported that it ends
+        self._signalled = 0  # signal that requested the end while no edge was running
+        users()  # fill the cache now: the lookup may wait for a directory service
 
     def run(self) -> int:
         """Run until the edge has ended for good; return its exit code. Raises OSError without a socket."""
@@ -159,7 +159,7 @@ class Supervisor:
 
     @contextlib.contextmanager
     def _listening(self) -> Iterator[None]:
-        """Listen for as long as a ``with`` block lasts."""
+        """Listen inside a ``with`` block."""
         with listening(self._path) as listener, self._selector:
             self._selector.register(listener, selectors.EVENT_READ, partial(self._accept, listener))
             try:
@@ -168,7 +168,7 @@ class Supervisor:
                 self._path.unlink(missing_ok=True)
 
     def _turn(self) -> int | None:
-        """Take what has come and do what is due; return the exit code once there is one."""
+        """Handle received messages and due work; return the exit code once there is one."""
         for key, _ in self._selector.select(LOOK):
             key.data()
         now = self._clock.monotonic()
@@ -181,7 +181,7 @@ class Supervisor:
     # -- the edge's process --------------------------------------------------------------------------
 
     def _look_at_child(self, now: float) -> int | None:
-        """Start the edge when it is time; return the exit code of one that has ended for good."""
+        """Start the edge when it is due; return the exit code once it has ended for good."""
         if self._child is None:
             if self._signalled:
                 return 128 + self._signalled
@@ -191,7 +191,7 @@ class Supervisor:
         code = self._child.poll()
         if code is None:
             return None
-        while (edge := self._edge()) is not None:  # a child of its own may keep the connection open
+        while (edge := self._edge()) is not None:  # a child of the edge may still hold the connection open
             self._gone(edge)
         if not self._in_order or code < 0:
             self._farewell.tell()
@@ -204,7 +204,7 @@ class Supervisor:
         return None
 
     def _start(self, now: float) -> None:
-        """Start the edge, in a session of its own: a Ctrl-C reaches it once, through us."""
+        """Start the edge in a session of its own, so that Ctrl-C reaches it only once, through us."""
         environment = os.environ | {VARIABLE: str(self._path)}
         self._started = now
         try:
@@ -219,7 +219,7 @@ class Supervisor:
             self._child.send_signal(self._signalled)
 
     def _pass_on(self, number: int) -> None:
-        """Pass a signal on to the edge; there is nobody to ask while it is away."""
+        """Forward a signal to the edge, or note it while no edge is running."""
         if number != signal.SIGTSTP:
             self._ending = True
         if self._child is not None:
@@ -229,12 +229,12 @@ class Supervisor:
             self._signalled = number
 
     def _look_at_edge(self, now: float) -> None:
-        """Kill an edge that is frozen; its end is noticed like any other."""
+        """Kill an edge that is frozen; its end is then handled like any other."""
         edge = self._edge()
         if edge is None or self._child is None:
             return
         if now - self._looked > ASLEEP:
-            edge.heard = now  # we were stopped as well: what came meanwhile has not been read yet
+            edge.heard = now  # we were suspended too: its heartbeats have not been read yet
         elif now - edge.heard > FROZEN:
             halted = edge.halts.write()
             self._told(f"the edge is frozen: killed; halted: {', '.join(halted) or 'nobody'}")
@@ -248,7 +248,7 @@ class Supervisor:
     # -- who is connected ----------------------------------------------------------------------------
 
     def _accept(self, listener: socket.socket) -> None:
-        """Take a connection."""
+        """Accept a connection."""
         try:
             sock, _ = listener.accept()
         except OSError as error:
@@ -260,7 +260,7 @@ class Supervisor:
         self._selector.register(sock, selectors.EVENT_READ, partial(self._read, peer))
 
     def _read(self, peer: _Peer) -> None:
-        """Take one message of a connection, or its end."""
+        """Read one message of a connection, or its end."""
         try:
             data, descriptors, _, _ = socket.recv_fds(peer.sock, LONGEST, 1)
         except BlockingIOError:
@@ -277,12 +277,12 @@ class Supervisor:
             if isinstance(error, msgspec.DecodeError) and not _has_robots(peer):  # it may be a stop
                 self._stop(peer, StopRequest(why="a message to the supervisor could not be read"))
             self._told(f"a message of {peer.name} to its supervisor was refused: {error}")
-        for descriptor in descriptors:  # what was kept is taken out of the list
+        for descriptor in descriptors:  # those that are kept were removed from the list
             with contextlib.suppress(OSError):
                 os.close(descriptor)
 
     def _take(self, peer: _Peer, message: Message, descriptors: list[int]) -> None:
-        """Do what a message says; raises OSError for a link that cannot be kept."""
+        """Handle a message; raises OSError for a link that cannot be kept."""
         match message:
             case Hello():
                 self._hello(peer, message)
@@ -309,7 +309,7 @@ class Supervisor:
                 self._told(f"{peer.name} sent its supervisor a {type(message).__name__}")
 
     def _hello(self, peer: _Peer, hello: Hello) -> None:
-        """Greet a process with robots; an edge is given the stops that came while there was none."""
+        """Register a process with robots; a new edge receives the stops that were kept for it."""
         peer.name = f"worker {hello.worker}" if hello.worker else "the edge"
         peer.edge = self._edge_id = hello.edge
         peer.is_edge = self._child is not None and hello.process == self._child.pid
@@ -320,7 +320,7 @@ class Supervisor:
             self._stops.clear()
 
     def _gone(self, peer: _Peer) -> None:
-        """Halt the robots of a process that has ended without letting go of them."""
+        """Handle the end of a connection: halt the robots that are still registered."""
         self._peers.remove(peer)
         self._selector.unregister(peer.sock)
         peer.sock.close()
@@ -333,7 +333,7 @@ class Supervisor:
                 worker.send(OrderlyEnd())
 
     def _halt_again(self, now: float) -> None:
-        """Write the halts of dead processes once more, and let go of their links at last."""
+        """Repeat the halts of dead processes, and close their links after the last repeat."""
         for dead in self._dead:
             if now >= dead.at:
                 dead.halts.write()
@@ -345,7 +345,7 @@ class Supervisor:
     # -- stops ---------------------------------------------------------------------------------------
 
     def _stop(self, asker: _Peer, stop: StopRequest) -> None:
-        """Pass a stop on to every process with robots, or keep it for the next edge."""
+        """Forward a stop to every process with robots, or keep it for the next edge."""
         self._numbers += 1
         stop = msgspec.structs.replace(stop, by=asker.user)
         asked = _Asked(asker, stop, self._clock.monotonic() + ANSWER_WITHIN)
@@ -357,7 +357,7 @@ class Supervisor:
             asked.until = self._clock.monotonic()
 
     def _stopped(self, peer: _Peer, answer: StopAnswer) -> None:
-        """Take a process's answer; the last one's completes that to who asked."""
+        """Handle a process's answer to a stop; after the last one, answer the sender of the stop."""
         asked = self._asked.get(answer.number)
         if asked is None or peer not in asked.told:
             return
@@ -368,7 +368,7 @@ class Supervisor:
             asked.peer.send(StopAnswer(asked.stop.number, peer.edge, tuple(asked.names)))
 
     def _look_at_stops(self, now: float) -> None:
-        """Halt what can be halted where a stop was not answered; keep one that no edge took for the next."""
+        """Write the halts of processes that did not answer a stop; keep one that no edge took."""
         late = [number for number, asked in self._asked.items() if now >= asked.until]
         for number in late:
             asked = self._asked.pop(number)
@@ -382,13 +382,13 @@ class Supervisor:
 
 
 def _has_robots(peer: _Peer) -> bool:
-    """Return True for a process with robots, False for who only asks for a stop."""
+    """Return True for a process with robots, False for a process that only sends a stop."""
     return peer.edge != ""
 
 
 @contextlib.contextmanager
 def _signals(take: Callable[[int], None]) -> Iterator[None]:
-    """Take the signals that ask for the end; under nohup the end of the terminal is none of them."""
+    """Handle the signals in ``PASSED_ON``; an ignored one (SIGHUP under nohup) stays ignored."""
     taken = [each for each in PASSED_ON if signal.getsignal(each) is not signal.SIG_IGN]
     before = {each: signal.signal(each, lambda number, _: take(number)) for each in taken}
     try:

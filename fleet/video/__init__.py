@@ -1,1 +1,1 @@
-"""A program beside the edge that sends the pictures of a robot's camera as WebRTC video (extra ``video``)."""
+"""Video program: a process beside the edge that sends a robot's camera as WebRTC (extra ``video``)."""

@@ -1,4 +1,4 @@
-"""One WebRTC connection that sends one track: from its offer to its end."""
+"""A WebRTC connection that sends one track, from the offer to the end."""
 
 from __future__ import annotations
 
@@ -12,13 +12,16 @@ from fleet.errors import WireError
 from fleet.video.signals import Candidate
 from fleet.video.track import CameraTrack
 
-CONNECTED_WITHIN = 30.0  # s from the offer, which the cloud keeps no longer
-MOST_EARLY = 50  # candidates before the answer; anybody may send them
-CODEC = "video/H264"  # alone: the media service would else choose one that not every browser has
+CONNECTED_WITHIN = 30.0  # s from the offer; the cloud keeps an offer no longer
+MOST_EARLY = 50  # candidates kept before the answer; a bound, because anybody may send them
+CODEC = "video/H264"  # the only one offered: the media service might choose one that some browsers lack
 
 
 class VideoPeer:
-    """The connection; ``ended`` hears once why it is over, unless it was closed. On the loop only."""
+    """Sending side of one WebRTC connection; use it on the event loop only.
+
+    ``ended`` is called once, with the reason, when the connection ends by itself; not after ``close``.
+    """
 
     def __init__(
         self, track: CameraTrack, ice_servers: Sequence[RTCIceServer], ended: Callable[[str], None]
@@ -28,7 +31,7 @@ class VideoPeer:
         self._ended = ended
         self._over = False
         self._answered = False
-        self._early: list[Candidate] = []  # which came before the answer
+        self._early: list[Candidate] = []  # received before the answer
         self._connection.on("connectionstatechange", self._changed)
         track.on("ended", lambda: self._end(track.failure or "the camera's pictures ended"))
         video = self._connection.addTransceiver(track, "sendonly")
@@ -43,21 +46,21 @@ class VideoPeer:
 
     @property
     def ice_state(self) -> str:
-        """How far the way to the peer is found, in WebRTC's word."""
+        """ICE connection state, as named by WebRTC."""
         return self._connection.iceConnectionState
 
     async def offer(self) -> str:
-        """Return the SDP to offer, all of our own candidates in it."""
+        """Return the SDP of the offer, with all local candidates in it."""
         await self._connection.setLocalDescription(await self._connection.createOffer())
         return self._connection.localDescription.sdp
 
     async def answered(self, sdp: str) -> None:
-        """Take the answer; a second one is left alone. Raises WireError for one that cannot be used."""
+        """Apply the answer; a second one is ignored. Raises WireError for an answer that cannot be used."""
         if self._connection.signalingState != "have-local-offer":
             return
         try:
             await self._connection.setRemoteDescription(RTCSessionDescription(sdp, "answer"))
-        except Exception as error:  # noqa: BLE001 - aiortc raises whatever its parser stumbles over
+        except Exception as error:  # noqa: BLE001 - aiortc's parser raises any kind of exception
             raise WireError(f"it cannot be used: {error!r}", where="answer") from None
         self._answered = True
         early, self._early = self._early, []
@@ -65,7 +68,7 @@ class VideoPeer:
             await self.add(candidate)
 
     async def add(self, candidate: Candidate) -> None:
-        """Take a candidate of the peer; raises WireError for one that cannot be used."""
+        """Add a candidate of the peer; raises WireError for a candidate that cannot be used."""
         if not self._answered:
             self._early = [*self._early[1 - MOST_EARLY :], candidate]
         elif candidate.candidate:
@@ -77,14 +80,14 @@ class VideoPeer:
                 raise WireError(f"it cannot be used: {error!r}", where="candidate") from None
 
     async def close(self) -> None:
-        """End it."""
+        """Close the connection."""
         self._over = True
         self._deadline.cancel()
         self.track.stop()
         await self._connection.close()
 
     def _changed(self) -> None:
-        """Take note of a new state."""
+        """Handle a change of the connection state."""
         state = self._connection.connectionState
         if state == "connected":
             self._deadline.cancel()
@@ -92,11 +95,11 @@ class VideoPeer:
             self._end(f"the connection is {state}")
 
     def _late(self) -> None:
-        """Give up an offer that nobody took, or to whom no way was found."""
+        """Give up an offer that was not answered, or whose peer could not be reached, in time."""
         self._end(f"no peer was connected within {CONNECTED_WITHIN:g} s")
 
     def _end(self, why: str) -> None:
-        """Tell once why it is over."""
+        """Report the end of the connection, once."""
         if not self._over:
             self._over = True
             self._ended(why)

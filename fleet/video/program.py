@@ -1,4 +1,4 @@
-"""The program: joins the bus, sends video when it is asked to, and tells the edge of its stream."""
+"""Main part of the video program: joins the bus, starts and stops video on request, reports its stream."""
 
 from __future__ import annotations
 
@@ -29,11 +29,11 @@ from fleet.wire.video import VideoReply, VideoRequest, read_video_request
 
 log = logging.getLogger(__name__)
 
-TELL_EVERY = LIFETIME / 5  # s between signs of a stream
+TELL_EVERY = LIFETIME / 5  # s between two states of a stream
 
 
 class Source(msgspec.Struct, frozen=True):
-    """Whose pictures are sent: ``camera`` as in fleet.yaml, ``rate`` pictures a second at most."""
+    """Camera to send: ``camera`` as in fleet.yaml, at most ``rate`` pictures a second."""
 
     robot: str
     twin: str
@@ -46,7 +46,7 @@ class Source(msgspec.Struct, frozen=True):
 async def send_video(
     source: Source, settings: BusSettings, directory: Path, ended: asyncio.Event, clock: Clock
 ) -> None:
-    """Serve one camera of one robot until ``ended``; raises BusError when no edge lets us in."""
+    """Serve one camera of one robot until ``ended``; raises BusError when the bus cannot be joined."""
     bus = await asyncio.to_thread(join, settings, directory)
     program = _Program(source, bus.reports, clock)
     try:
@@ -62,7 +62,7 @@ async def send_video(
 
 
 class _Program:
-    """What is said and heard on the bus."""
+    """Bus side of the program: requests, WebRTC messages and the stream's state."""
 
     def __init__(self, source: Source, bus_session: ZenohSession, clock: Clock) -> None:
         self._bus_session = bus_session
@@ -84,7 +84,7 @@ class _Program:
         )
 
     def declare(self, key: str) -> None:
-        """Take what is asked on ``key``, and what the peer answers."""
+        """Serve requests on ``key``, and subscribe to the peer's answers and candidates."""
         self._bus_session.answer(key, self._on_loop(self._asked))
         self._bus_session.subscribe(
             data_key(self._twin, "cloud/webrtc_answer"), self._on_loop(self._answered)
@@ -94,7 +94,7 @@ class _Program:
         )
 
     def tell(self) -> None:
-        """Tell the edge how the stream is, and once that it is over."""
+        """Publish the state of the stream; after its end, once, an empty sample."""
         told = self._sender.told()
         if told is not None:
             self._put(self._stream_key, told)
@@ -103,12 +103,12 @@ class _Program:
         self._told = told is not None
 
     async def close(self) -> None:
-        """End the stream and say so."""
+        """End the stream and publish its end."""
         await self._sender.stop()
         self.tell()
 
     def _on_loop(self, take: Callable[..., Coroutine[object, object, None]]) -> Callable[..., None]:
-        """Return what has the loop take something; on Zenoh's threads."""
+        """Return a callback for Zenoh's threads that runs ``take`` on the event loop."""
 
         def begin(*arguments: object) -> None:
             task = self._loop.create_task(take(*arguments))
@@ -122,7 +122,7 @@ class _Program:
         return arrived
 
     async def _asked(self, question: Query) -> None:
-        """Start or stop, and answer."""
+        """Handle a request to start or stop video, and reply."""
         try:
             request = read_video_request(question.payload)
             await self._do(request)
@@ -138,7 +138,7 @@ class _Program:
         question.close()
 
     async def _do(self, request: VideoRequest) -> None:
-        """Do what is asked; raises CommandError."""
+        """Carry out a request; raises CommandError or WireError."""
         if not request.is_for(self._sender.sensor):
             raise WireError(f"{self._sender.sensor!r} is the sensor that is sent here", where="sensor")
         if request.command == "start_video":
@@ -148,7 +148,7 @@ class _Program:
         self.tell()
 
     async def _answered(self, _key: str, sample: bytes) -> None:
-        """Take an answer."""
+        """Handle an answer of the peer."""
         try:
             sdp = answer_for(sample, self._sender.sensor)
             if sdp is not None:
@@ -157,7 +157,7 @@ class _Program:
             log.warning("an answer was refused: %s", error)
 
     async def _candidate(self, _key: str, sample: bytes) -> None:
-        """Take a candidate."""
+        """Handle a candidate of the peer."""
         try:
             await self._sender.add(candidate_in(sample))
         except WireError as error:

@@ -1,4 +1,4 @@
-"""One camera's stream: begun by ``start_video``, ended by ``stop_video`` or by itself."""
+"""Video stream of one camera: started by ``start_video``, ended by ``stop_video`` or a failure."""
 
 from __future__ import annotations
 
@@ -18,13 +18,13 @@ from fleet.video.track import CameraTrack
 
 log = logging.getLogger(__name__)
 
-FIRST_PICTURE = 3.0  # s that a camera has for it; the edge waits 4 s for our answer
+FIRST_PICTURE = 3.0  # s to wait for the first picture; less than the 4 s that the edge waits for our reply
 
 
 class VideoSender:
-    """Sends one camera's pictures to one peer; ``offer`` publishes an offer. On the loop only.
+    """Sends the pictures of one camera to one peer; ``offer`` publishes an offer. On the event loop only.
 
-    ``session`` names this program, ``rate`` is pictures a second at most.
+    ``session`` names this program; ``rate`` is the maximum number of pictures a second.
     """
 
     def __init__(
@@ -54,9 +54,9 @@ class VideoSender:
         self._counted = (0, 0.0)  # frames, and when they were counted
 
     async def start(self, *, recording: bool) -> None:
-        """Offer the stream, unless it is connected; raises CommandError when the camera gives nothing.
+        """Offer the stream, unless it is connected; raises CommandError when the camera gives no picture.
 
-        One that still waits for its answer is offered anew: the last offer may have been lost.
+        A stream that still waits for an answer is offered again: the last offer may have been lost.
         """
         async with self._changing:
             if self._peer is not None and self._peer.connected:
@@ -68,7 +68,7 @@ class VideoSender:
             self._counted = (0, self._began)
             self._config = {
                 "kind": "camera",
-                "source": self._camera.source.partition(":")[0],  # of a URL no more: it may have a password
+                "source": self._camera.source.partition(":")[0],  # only the scheme: a URL may hold a password
                 "resolution": f"{picture.width}x{picture.height}",
                 "fps": self._rate,
             }
@@ -86,24 +86,24 @@ class VideoSender:
             )
 
     async def stop(self) -> None:
-        """End the stream, if there is one, and let go of the camera."""
+        """End the stream, if there is one, and close the camera."""
         async with self._changing:
             await self._close()
 
     async def answered(self, sdp: str) -> None:
-        """Take the answer to the offer; raises WireError."""
+        """Apply the answer to the offer; raises WireError."""
         if self._peer is not None:
             await self._peer.answered(sdp)
 
     async def add(self, candidate: Candidate) -> None:
-        """Take a candidate of the peer; raises WireError."""
+        """Add a candidate of the peer; raises WireError."""
         if self._peer is not None:
             await self._peer.add(candidate)
 
     def told(self) -> dict[str, object] | None:
         """Return the stream as programs tell it on the bus (``fleet.wire.streams``), None when there is none.
 
-        ``fps`` counts since the last call.
+        ``fps`` is measured since the last call.
         """
         peer = self._peer
         if peer is None:
@@ -123,7 +123,7 @@ class VideoSender:
         }
 
     async def _first_picture(self) -> Picture:
-        """Return a picture: there is nothing to offer of a camera that gives none."""
+        """Return the first picture, so that a camera without pictures is refused before the offer."""
         try:
             async with asyncio.timeout(FIRST_PICTURE):
                 return await self._camera.picture()
@@ -131,21 +131,21 @@ class VideoSender:
             raise TimedOut(f"{self._camera.source} gives no picture within {FIRST_PICTURE:g} s") from None
 
     async def _close(self) -> None:
-        """Close what there is."""
+        """Close the connection and the camera, if open."""
         peer, self._peer = self._peer, None
         if peer is not None:
             await peer.close()
             await self._camera.close()
 
     def _ended(self, why: str) -> None:
-        """Clear away a stream that ended by itself."""
+        """Clean up after a stream that ended by itself."""
         log.warning("video of %s ended: %s", self.sensor, why)
         task = asyncio.get_running_loop().create_task(self._clear(self._peer))
         self._ends.add(task)
         task.add_done_callback(self._ends.discard)
 
     async def _clear(self, peer: VideoPeer | None) -> None:
-        """Close a peer, unless there is another by now."""
+        """Close a peer, unless it has been replaced meanwhile."""
         async with self._changing:
             if peer is self._peer:
                 await self._close()

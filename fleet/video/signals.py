@@ -1,4 +1,4 @@
-"""WebRTC's messages as Cyberwave's media service and frontend have them (contract 10): made and read."""
+"""Codec of WebRTC signalling messages of Cyberwave's media service and frontend (contract 10)."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ from fleet.errors import WireError
 from fleet.runtime.decoding import json_decoder
 from fleet.wire.samples import json_payload
 
-SOURCE, INSTANCE = "live", "default"  # which stream of a sensor a message is about that does not say
+SOURCE, INSTANCE = "live", "default"  # the stream meant by a message that names none
 
 
 class VideoStream(msgspec.Struct, frozen=True):
-    """What tells one stream from the others of a twin; ``session`` is of this program."""
+    """Identity of one stream of a twin; ``session`` is that of this program."""
 
     sensor: str
     track: str
@@ -22,7 +22,7 @@ class VideoStream(msgspec.Struct, frozen=True):
 
 
 class Candidate(msgspec.Struct, frozen=True, rename={"mid": "sdpMid", "index": "sdpMLineIndex"}):
-    """One ICE candidate: its line of SDP, empty after the last one, and the part of the offer it is for."""
+    """One ICE candidate: its SDP line, empty after the last one, and the media section it belongs to."""
 
     candidate: str
     mid: str | None = None
@@ -30,7 +30,7 @@ class Candidate(msgspec.Struct, frozen=True, rename={"mid": "sdpMid", "index": "
 
 
 class _Answer(msgspec.Struct):
-    """An answer, as far as it matters here; ``camera`` is an older word for the sensor."""
+    """The fields of an answer that are used here; ``camera`` is an older name for the sensor."""
 
     sdp: str
     type: str = ""
@@ -55,7 +55,7 @@ _WRAPPED: msgspec.json.Decoder[_Wrapped] = json_decoder(_Wrapped)
 def offer_message(
     sdp: str, stream: VideoStream, *, recording: bool, attributes: dict[str, object], stamp: float
 ) -> dict[str, object]:
-    """Return the message of an offer; ``attributes`` are width, height and fps, ``stamp`` is Unix seconds."""
+    """Return an offer message; ``attributes`` are width, height and fps, ``stamp`` is Unix seconds."""
     return {
         "target": "backend",
         "sender": "edge",
@@ -75,7 +75,7 @@ def offer_message(
 
 
 def answer_for(sample: bytes, sensor: str) -> str | None:
-    """Return the SDP of an answer to a sensor's offer, None for one that is for another. Raises WireError."""
+    """Return the SDP of an answer to a sensor's offer, None for another stream's. Raises WireError."""
     answer: _Answer = _read(sample, _ANSWER)
     ours = (
         (answer.type, answer.target) == ("answer", "edge")
@@ -88,7 +88,7 @@ def answer_for(sample: bytes, sensor: str) -> str | None:
 
 
 def candidate_in(sample: bytes) -> Candidate:
-    """Return the candidate in a message: as a browser's own object, inside one, or flat. Raises WireError."""
+    """Return the candidate in a message, nested or flat, as browsers write it. Raises WireError."""
     try:
         found = _WRAPPED.decode(json_payload(sample)).candidate
     except (msgspec.DecodeError, ValueError, RecursionError):
@@ -100,7 +100,7 @@ def candidate_in(sample: bytes) -> Candidate:
 
 
 def _read(sample: bytes, decoder: msgspec.json.Decoder[Any]) -> Any:
-    """Read the JSON of a sample."""
+    """Decode the JSON of a sample; raises WireError."""
     try:
         return decoder.decode(json_payload(sample))
     except (msgspec.DecodeError, ValueError, RecursionError) as error:

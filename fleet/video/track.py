@@ -1,4 +1,4 @@
-"""A WebRTC track made of a camera's pictures."""
+"""WebRTC track that sends the pictures of a camera."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ from fleet.camera.picture import Picture
 from fleet.clock import Clock
 from fleet.errors import CommandError, Refused
 
-STALLED = 3.0  # s without a picture: then it ends, for an old picture must not pass for the present
-TICKS = 90_000  # a second, as RTP counts for video
+STALLED = 3.0  # s without a picture after which the track ends: an old picture must not be taken for live
+TICKS = 90_000  # Hz, the RTP clock rate of video
 
 
 class CameraTrack(MediaStreamTrack):
-    """Gives each picture once, at most ``rate`` a second.
+    """Video track that delivers each picture once, at most ``rate`` a second.
 
     ``last_frame`` is Unix seconds, ``failure`` says why the track ended by itself.
     """
@@ -33,13 +33,13 @@ class CameraTrack(MediaStreamTrack):
         self._clock = clock
         self._began = self._due = clock.monotonic()
         self._decoder = jpeg_decoder()
-        self._trouble = ""  # what the camera said last
+        self._trouble = ""  # last error of the camera
         self.frames = 0
         self.last_frame: float | None = None
         self.failure = ""
 
     async def recv(self) -> av.VideoFrame:
-        """Return the next picture when it is due; the track ends when the camera stays away."""
+        """Return the next picture when it is due; the track ends when the camera stays silent."""
         await asyncio.sleep(max(0.0, self._due - self._clock.monotonic()))
         try:
             async with asyncio.timeout(STALLED):
@@ -56,7 +56,7 @@ class CameraTrack(MediaStreamTrack):
         return frame
 
     async def _next(self) -> av.VideoFrame:
-        """Return the next picture, however often the camera fails before it."""
+        """Return the next picture, retrying after failures of the camera."""
         self._trouble = ""
         while True:
             try:
@@ -68,14 +68,14 @@ class CameraTrack(MediaStreamTrack):
 
 
 def jpeg_decoder() -> av.VideoCodecContext:
-    """Return what decodes JPEG pictures one by one and holds none back."""
+    """Return a JPEG decoder that delivers each picture at once."""
     decoder = av.VideoCodecContext.create("mjpeg", "r")
-    decoder.thread_count = 1
+    decoder.thread_count = 1  # frame threading would hold pictures back
     return decoder
 
 
 def decoded(decoder: av.VideoCodecContext, picture: Picture) -> av.VideoFrame:
-    """Return a picture as encoders take it: YUV 4:2:0 with even sides. Raises Refused for a damaged one."""
+    """Decode a picture to the form that encoders need: YUV 4:2:0, even sides. Raises Refused if damaged."""
     try:
         frames = decoder.decode(av.Packet(picture.data))
     except av.FFmpegError as error:

@@ -1,5 +1,5 @@
-"""Cyberwave's words to and from the model: pure functions, no I/O, no clock.
+"""Conversion between Cyberwave's messages and the model: pure functions, no I/O, no clock.
 
-Everything that comes in is untrusted: a decoder returns a model value or raises ``WireError`` with the
-place and the reason, and nothing else. The wire's own habits (signs, orders, units) end here.
+All input is untrusted: a decoder either returns a model value or raises ``WireError`` with the position and
+the reason. The wire's own conventions (signs, component orders, units) are converted here and nowhere else.
 """

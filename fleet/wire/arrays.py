@@ -1,6 +1,6 @@
-"""Depth images and point clouds: binary on the bus, with Cyberwave's header for arrays.
+"""Codec for depth images and point clouds: binary on the bus, with Cyberwave's array header.
 
-The shape in the header must account for every byte; what is in the bytes is the sensor's business.
+The shape in the header must account for every byte; the values themselves are not checked.
 """
 
 from __future__ import annotations
@@ -15,11 +15,11 @@ from fleet.model.report import DepthReport, PointCloudReport
 from fleet.wire.samples import array_parts, array_sample
 
 _BYTES: Mapping[str, int] = MappingProxyType({"uint16": 2, "float32": 4})
-LARGEST_SIDE = 1 << 24  # of a shape; beyond it the product is no size of anything
+LARGEST_SIDE = 1 << 24  # largest plausible dimension of an array
 
 
 def encode_depth(report: DepthReport, sequence: int) -> bytes:
-    """Return a depth image as a sample; raises WireError when its bytes are not its size."""
+    """Return a depth image as a sample; raises WireError when its byte count does not fit its size."""
     check_depth(report)
     shape = (report.height, report.width)
     return array_sample(
@@ -33,12 +33,12 @@ def encode_depth(report: DepthReport, sequence: int) -> bytes:
 
 
 def check_depth(report: DepthReport) -> None:
-    """Raise WireError for an image whose bytes are not its size."""
+    """Raise WireError for an image whose byte count does not fit its width, height and type."""
     _check_size((report.height, report.width), report.dtype, report.image)
 
 
 def check_pointcloud(report: PointCloudReport) -> None:
-    """Raise WireError for bytes that are no whole points."""
+    """Raise WireError for bytes that are not a whole number of points."""
     if len(report.points) % (4 * report.stride):
         raise WireError(f"{len(report.points)} bytes are not whole points of {report.stride} numbers")
 
@@ -55,7 +55,7 @@ def decode_depth(sample: bytes) -> DepthReport:
 
 
 def encode_pointcloud(report: PointCloudReport, sequence: int) -> bytes:
-    """Return a point cloud as a sample; raises WireError when its bytes are no whole points."""
+    """Return a point cloud as a sample; raises WireError unless its bytes are a whole number of points."""
     check_pointcloud(report)
     return array_sample(
         report.points,
@@ -77,7 +77,7 @@ def decode_pointcloud(sample: bytes) -> PointCloudReport:
 
 
 def _checked(sample: bytes, dtypes: tuple[str, ...]) -> tuple[Mapping[str, Any], float, bytes]:
-    """Return the parts of an array whose header fits its bytes."""
+    """Return header, stamp and bytes of an array, checked: the header must fit the bytes."""
     header, stamp, data = array_parts(sample)
     if not math.isfinite(stamp):
         raise WireError("a finite number is needed", where="header.ts")
@@ -91,17 +91,17 @@ def _checked(sample: bytes, dtypes: tuple[str, ...]) -> tuple[Mapping[str, Any],
 
 
 def _is_side(side: object) -> bool:
-    """Return True for what can be one side of an array."""
+    """Return True for a valid dimension of an array."""
     return type(side) is int and 0 < side <= LARGEST_SIDE
 
 
 def _check_size(shape: tuple[int, ...], dtype: str, data: bytes) -> None:
-    """Refuse bytes that are more or fewer than the shape says."""
+    """Raise WireError unless the number of bytes is that of the shape."""
     needed = math.prod(shape) * _BYTES[dtype]
     if len(data) != needed:
         raise WireError(f"{list(shape)} of {dtype} are {needed} bytes, not {len(data)}", where="header.shape")
 
 
 def _sensor(header: Mapping[str, object]) -> str:
-    """Return the sensor that the header names, empty when none."""
+    """Return the sensor named in the header, empty when none is."""
     return cast("str", header["sensor_id"]) if isinstance(header.get("sensor_id"), str) else ""

@@ -1,4 +1,4 @@
-"""What a report may hold: Python itself does not look at the types of its fields."""
+"""Type checks of reports before they are encoded: msgspec structs are not checked when constructed."""
 
 from __future__ import annotations
 
@@ -20,8 +20,8 @@ _CHECKS: Mapping[type[object], msgspec.msgpack.Decoder[object]] = MappingProxyTy
 
 
 def check_report(report: Report) -> None:
-    """Raise WireError for a report whose fields are not of their types."""
+    """Raise WireError for a report with a field of the wrong type."""
     try:
-        _CHECKS[type(report)].decode(_PACK(report))  # no other way that knows every kind is as fast
+        _CHECKS[type(report)].decode(_PACK(report))  # the fastest check that covers every kind of report
     except UNSAYABLE as error:
         raise WireError(str(error), where=report.channel) from None

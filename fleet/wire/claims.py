@@ -1,4 +1,4 @@
-"""Who has a twin: told by the ``edge_health`` of its edge, of which there may be only one."""
+"""Claims on twins: ``edge_health`` messages show which edge serves a twin; only one edge may."""
 
 from __future__ import annotations
 
@@ -9,16 +9,16 @@ from fleet.wire.strict import number, parse_object, text
 
 
 class EdgeHeartbeat(msgspec.Struct, frozen=True):
-    """An edge that says that it serves a twin; ``uptime`` in seconds."""
+    """Claim of one edge to serve a twin; ``uptime`` in seconds."""
 
     edge: str
     session: str
     uptime: float
 
     def comes_before(self, other: EdgeHeartbeat) -> bool:
-        """Return True when this edge had the twin first; each edge comes to the same result about the other.
+        """Return True when this edge has the older claim; both edges come to the same result.
 
-        Edges that began within the same second are told apart by their names.
+        Edges that started within the same second are ordered by name.
         """
         if abs(self.uptime - other.uptime) >= 1.0:
             return self.uptime > other.uptime

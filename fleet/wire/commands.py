@@ -1,4 +1,4 @@
-"""``T command`` and ``T motion/command``: what was asked, as a command or a setpoint.
+"""Decoder of ``T command`` and ``T motion/command``: messages to commands and velocity setpoints.
 
 Four sign conventions are in use for the same verbs. One rule satisfies all of them: the verb fixes axis
 and sign, the magnitude is the absolute value of the verb's own field, else of ``linear_x``, else a default;
@@ -47,7 +47,7 @@ Axis = Literal["x", "y", "z", "yaw"]
 
 
 class MotionDefaults(msgspec.Struct, frozen=True):
-    """Magnitudes for a verb that brings none: m/s, and rad/s for ``yaw_rate``."""
+    """Default magnitudes for a verb without one: m/s, and rad/s for ``yaw_rate``."""
 
     forward: float
     lateral: float
@@ -56,7 +56,7 @@ class MotionDefaults(msgspec.Struct, frozen=True):
 
 
 class Verb(msgspec.Struct, frozen=True):
-    """What a motion verb fixes; ``default`` is the field of ``MotionDefaults`` it falls back to."""
+    """Axis and sign of a motion verb; ``default`` is the field of ``MotionDefaults`` it falls back to."""
 
     axis: Axis
     sign: int
@@ -80,10 +80,10 @@ VERBS: Mapping[str, Verb] = MappingProxyType(
 SETTINGS: Mapping[str, str] = MappingProxyType(
     {"set_linear_velocity": "linear", "set_angular_velocity": "angular"}
 )
-"""Commands that store the magnitude of later verbs, a field of their data in m/s or rad/s; nothing moves."""
+"""Commands that set the default magnitude of later verbs, and the field of their data (m/s or rad/s)."""
 
 Defaults = Callable[[str], MotionDefaults]
-"""The magnitudes for the verbs of a session that bring none."""
+"""Returns the default magnitudes of a session, by its id."""
 
 _Integer = Annotated[int, msgspec.Meta(ge=-LARGEST_INTEGER, le=LARGEST_INTEGER)]
 
@@ -105,7 +105,7 @@ _USUAL: msgspec.json.Decoder[_Usual] = json_decoder(_Usual)
 
 
 class _Envelope(msgspec.Struct, frozen=True):
-    """A command message without its meaning."""
+    """Fields that all command messages share, before the command itself is interpreted."""
 
     name: str
     data: dict[str, Any]
@@ -116,23 +116,23 @@ class _Envelope(msgspec.Struct, frozen=True):
     stamp: float | None
 
     def command(self, name: str, data: Mapping[str, object]) -> Command:
-        """Return a command that was asked by this message."""
+        """Return a command with the sender and stamp of this message."""
         same = identity(self.payload, self.stamp, self.request_id, (name, data))
         return Command(name, data, self.origin, same, self.stamp)
 
     def setpoint(self, velocity: Velocity, lease: float | None = None) -> Setpoint:
-        """Return a setpoint that was asked by this message."""
+        """Return a setpoint with the sender and stamp of this message."""
         return Setpoint(velocity, self.name, lease, self.origin, self.stamp)
 
 
 def decode_command(
     payload: bytes, *, way: Transport, request_id: str = "", defaults: Defaults, twin: str = ""
 ) -> Command | Setpoint | None:
-    """Return what a message on ``T command`` asks; None when it is itself a reply (it has a ``status``).
+    """Decode a message on ``T command``; None when it is itself a reply (it has a ``status``).
 
-    ``request_id`` is the asker's own (Correlation Data, a query's id), ``twin`` is whose topic it is: a
-    message that names another is refused. Raises BadCommand, which is a
-    WireError with the name of the command where that could be read.
+    ``request_id`` is the sender's own id (Correlation Data, a query's id). ``twin`` is the twin of the topic:
+    a message that names another one is refused. Raises BadCommand, a WireError with the name of the command
+    where that could be read.
     """
     name = ""
     try:
@@ -159,12 +159,12 @@ def decode_command(
 def decode_motion(
     payload: bytes, *, way: Transport, request_id: str = "", twin: str = ""
 ) -> Command | Setpoint:
-    """Return the setpoint of a twist, on ``T motion/command`` or on the bus channel ``commands/velocity``.
+    """Decode a twist, on ``T motion/command`` or on the bus channel ``commands/velocity``.
 
     The first has ``linear{x,y,z}`` and ``angular{z}``, the second ``linear_x`` to ``angular_z``; both are
     signed, body frame, m/s and rad/s. Roll and pitch rates are checked and not used. On the bus a sample may
-    have Cyberwave's header, whose stamp counts where the message has none of its own: a recording that is
-    played again moves nothing. A message that names a stop is that stop. Raises BadCommand.
+    have Cyberwave's header; its stamp is used when the message has none, so that a replayed recording moves
+    nothing. A message that names a stop is returned as that stop. Raises BadCommand.
     """
     try:
         message = sampled_object(payload) if way is Transport.BUS else parse_object(payload)
@@ -180,7 +180,7 @@ def decode_motion(
 
 
 def _usual(payload: bytes) -> _Usual | None:
-    """Read a message of the usual form; None for every other, and for whatever is wrong with one."""
+    """Decode a message of the usual form; None for any other form, and for a malformed message."""
     try:
         read = _USUAL.decode(payload)
     except (ValueError, RecursionError):
@@ -189,14 +189,14 @@ def _usual(payload: bytes) -> _Usual | None:
     if not (name.isidentifier() and name.isascii() and name[0] != "_" and len(name) <= LONGEST_NAME):
         return None
     members = 4 + (read.session_id is not None) + len(read.data)
-    # If there are more, a member is not known, or stands twice.
+    # Each member has one colon. More colons mean an unknown member or a duplicate key: not the usual form.
     return read if payload.count(b":") == members else None
 
 
 def _envelope(
     name: str, message: dict[str, object], payload: bytes, way: Transport, request_id: str, *, twin: str
 ) -> _Envelope:
-    """Read what all commands share. A stop is never refused for its trimmings."""
+    """Read the fields that all commands share. A stop is never refused because of another field."""
     strict = not _is_stop(name, message)
     if strict:
         refuse_misspelt(message, _BODIES)
@@ -206,24 +206,24 @@ def _envelope(
 
 
 def _is_stop(name: str, message: Mapping[str, object]) -> bool:
-    """Return True when the robot is to stand still, however the rest of the message looks."""
+    """Return True for a stop, whatever the other fields of the message contain."""
     return name in STOP_WORDS or (name == "estop" and not releases(name, message.get("data")))
 
 
 def _data(message: Mapping[str, object]) -> dict[str, object]:
-    """Return the command's data; missing and null are empty."""
+    """Return the command's data; empty when it is missing or null."""
     return {} if message.get("data") is None else child(message, "data")
 
 
 def _plain(envelope: _Envelope, _defaults: Defaults) -> Command:
-    """Read a command whose data is the adapter's business."""
+    """Read a command whose data only the adapter interprets."""
     return envelope.command(envelope.name, envelope.data)
 
 
 def _verb(envelope: _Envelope, defaults: Defaults) -> Command | Setpoint:
-    """Read a motion verb: it fixes axis and sign, the data only says how much.
+    """Read a motion verb: the verb fixes axis and sign, the data only gives the magnitude.
 
-    A speed along another axis than the verb's is refused: ``move`` has them all.
+    A speed along any other axis is refused; ``move`` takes all axes.
     """
     verb = VERBS[envelope.name]
     refuse_unknown(envelope.data, _VERB_DATA, "data")
@@ -243,7 +243,7 @@ def _verb(envelope: _Envelope, defaults: Defaults) -> Command | Setpoint:
 
 
 def _along(axis: Axis, value: float) -> Velocity:
-    """Return the velocity that moves along one axis only."""
+    """Return a velocity along one axis only."""
     if axis == "yaw":
         return Velocity(yaw_rate=value)
     return Velocity(Vector3(**{axis: value}))
@@ -257,7 +257,7 @@ def _move(envelope: _Envelope, _defaults: Defaults) -> Setpoint:
 
 
 def _signed(members: Mapping[str, object], where: str) -> Velocity:
-    """Return the velocity of flat signed fields, of which one at least must be there."""
+    """Return the velocity in flat signed fields, of which at least one must be present."""
     if members.keys().isdisjoint(VELOCITY_FIELDS):
         raise WireError(f"needs one of {', '.join(VELOCITY_FIELDS)}", where=where or "message")
     x = number(members, "linear_x", where) if "linear_x" in members else 0.0
@@ -268,13 +268,13 @@ def _signed(members: Mapping[str, object], where: str) -> Velocity:
 
 
 def _twist(message: Mapping[str, object]) -> Velocity:
-    """Return the velocity of a ROS Twist; an axis that is left out is not moved."""
+    """Return the velocity of a ROS Twist; a missing axis is zero."""
     linear = _axes(message, "linear")
     return Velocity(linear, _axes(message, "angular").z)
 
 
 def _axes(message: Mapping[str, object], name: str) -> Vector3:
-    """Return a twist's vector, zero where it is left out."""
+    """Return one vector of a twist, zero when it is missing."""
     if name not in message:
         return Vector3()
     members = child(message, name)
@@ -283,7 +283,7 @@ def _axes(message: Mapping[str, object], name: str) -> Vector3:
 
 
 def _velocity_contract(envelope: _Envelope, _defaults: Defaults) -> Command | Setpoint:
-    """Read a velocity contract, which stands beside ``data``; a duration of 0 is a stop."""
+    """Read a velocity contract, in ``velocity_command`` or in ``data``; a duration of 0 is a stop."""
     inside = "velocity_command" not in envelope.message
     body = envelope.data if inside else child(envelope.message, "velocity_command")
     velocity, lease = read_velocity_contract(body, where="data" if inside else "velocity_command")
@@ -293,14 +293,14 @@ def _velocity_contract(envelope: _Envelope, _defaults: Defaults) -> Command | Se
 
 
 def _setting(envelope: _Envelope, _defaults: Defaults) -> Command:
-    """Read a magnitude that is to be stored; its sign says nothing, as that of a verb."""
+    """Read a default magnitude to store; its sign is ignored, as with the verbs."""
     field = SETTINGS[envelope.name]
     refuse_unknown(envelope.data, frozenset({field}), "data")
     return envelope.command(envelope.name, {field: abs(number(envelope.data, field, "data"))})
 
 
 def _video(envelope: _Envelope, _defaults: Defaults) -> Command:
-    """Read a start or a stop of video: who gives no source type in the cloud is an operator (contract 2.2).
+    """Read a start or stop of video. In the cloud a missing source type means an operator (contract 2.2).
 
     Older senders put ``recording`` and ``sensor_id`` beside ``data``.
     """
@@ -332,4 +332,4 @@ _MEANINGS: Mapping[str, Callable[[_Envelope, Defaults], Command | Setpoint]] = M
     }
 )
 VELOCITY_WORDS = frozenset(_MEANINGS) - {"estop", *SETTINGS, *VIDEO_TYPES}
-"""Commands that ask for a velocity, many times a second, and not for something discrete."""
+"""Commands that set a velocity, as part of a stream, and not a discrete request."""

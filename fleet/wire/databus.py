@@ -1,8 +1,8 @@
-"""Reports on the bus, in Cyberwave's own format, which its SDK reads and writes.
+"""Codec for reports on the bus, in Cyberwave's own format, which its SDK reads and writes.
 
-Where the SDK documents a payload (position, joint_states, battery, imu) it has that shape; gps and event
-have the names of their MQTT topics; depth and pointcloud are arrays; every other channel has the fields of
-its report, with ``ts`` for the stamp, and three of them are read as they stand on MQTT, too
+Payloads that the SDK documents (position, joint_states, battery, imu) have its shape; gps and event use the
+field names of their MQTT topics; depth and pointcloud are arrays; every other channel has the fields of
+its report, with ``ts`` for the stamp. Three of these are also accepted in their MQTT form
 (``fleet.wire.published``). The framing is that of ``fleet.wire.samples``.
 """
 
@@ -40,7 +40,7 @@ ReportT = TypeVar("ReportT", bound=Report)
 
 
 class _Vector(msgspec.Struct, frozen=True):
-    """A vector all of whose components must be given."""
+    """A vector; all three components are required."""
 
     x: float
     y: float
@@ -78,7 +78,7 @@ class _Position(msgspec.Struct, frozen=True, omit_defaults=True):
 
 
 class _Joints(JointTags, frozen=True, omit_defaults=True, kw_only=True):
-    """``joint_states``: arrays by the order of ``names``; null where one joint tells nothing."""
+    """``joint_states``: arrays in the order of ``names``; null where a joint has no value."""
 
     ts: float
     names: list[str]
@@ -162,7 +162,7 @@ class _Imu(msgspec.Struct, frozen=True):
 
 
 class _Gps(msgspec.Struct, frozen=True, omit_defaults=True):
-    """``gps``: degrees and metres, with the names of the MQTT topic; no place without a fix."""
+    """``gps``: degrees and metres, with the field names of the MQTT topic; no position without a fix."""
 
     ts: float
     fix_type: str
@@ -205,7 +205,7 @@ class _Gps(msgspec.Struct, frozen=True, omit_defaults=True):
 
 
 class _Codec(msgspec.Struct, Generic[ReportT], frozen=True):
-    """How the reports of one channel stand on the bus."""
+    """Codec of one channel: conversion between its reports and their form on the bus."""
 
     to_wire: Callable[[Any], Any]
     from_wire: Callable[[Any], Report]
@@ -214,12 +214,12 @@ class _Codec(msgspec.Struct, Generic[ReportT], frozen=True):
 
 
 def _shaped(shape: Any) -> _Codec[Any]:
-    """Return the codec of a channel whose payload has a shape of its own."""
+    """Return the codec of a channel whose payload has its own struct."""
     return _Codec(shape.of, shape.report, json_decoder(shape), frozenset(shape.__struct_encode_fields__))
 
 
 def _as_it_is(kind: Any) -> _Codec[Any]:
-    """Return the codec of a channel whose payload is the report's own fields, ``stamp`` called ``ts``."""
+    """Return the codec of a channel whose payload has the fields of its report, ``stamp`` renamed ``ts``."""
     fields = [_same_field(field) for field in msgspec.structs.fields(kind)]
     shape = msgspec.defstruct(f"_{kind.__name__}", fields, frozen=True, rename={"stamp": "ts"})
     return _Codec(
@@ -231,7 +231,7 @@ def _as_it_is(kind: Any) -> _Codec[Any]:
 
 
 def _same_field(field: msgspec.structs.FieldInfo) -> tuple[str, object] | tuple[str, object, object]:
-    """Return how to define a field of the same name, type and default."""
+    """Return the ``defstruct`` definition of a field with the same name, type and default."""
     if field.required:
         return field.name, field.type
     if field.default is msgspec.NODEFAULT:
@@ -267,7 +267,7 @@ _CODECS: Mapping[str, _Codec[Any]] = MappingProxyType(
 def encode_report(report: Report, sequence: int) -> bytes:
     """Return a report as a sample of its channel.
 
-    Raises WireError for a number that is not finite, and for an array whose bytes are not its size.
+    Raises WireError for a number that is not finite, and for an array whose byte count is not its size.
     """
     if report.channel in _ARRAYS:
         return _ARRAYS[report.channel][0](report, sequence)
@@ -276,7 +276,7 @@ def encode_report(report: Report, sequence: int) -> bytes:
 
 
 def decode_report(channel: str, sample: bytes) -> Report:
-    """Return the report in a sample, with header or as plain JSON; raises WireError for anything else."""
+    """Decode a sample, with header or as plain JSON; raises WireError for anything else."""
     if channel in PUBLISHED:
         return decode_published(channel, sample)
     codec = _CODECS.get(channel)
@@ -289,7 +289,7 @@ def decode_report(channel: str, sample: bytes) -> Report:
 
 
 def unread_fields(channel: str, sample: bytes) -> list[str]:
-    """Return the fields of a sample that ``decode_report`` suffixes out; what it refuses has none."""
+    """Return the fields of a sample that ``decode_report`` ignores; empty for a sample that it refuses."""
     codec = None if channel in PUBLISHED else _CODECS.get(channel)
     if codec is None:
         return []
@@ -301,7 +301,7 @@ def unread_fields(channel: str, sample: bytes) -> list[str]:
 
 
 def _decode_array(channel: str, sample: bytes) -> Report:
-    """Return the report in a binary sample."""
+    """Decode a binary sample."""
     if channel not in _ARRAYS:
         raise WireError(f"no report has the channel {channel[:60]!a}")
     return _ARRAYS[channel][1](sample)

@@ -1,8 +1,8 @@
-"""Messages that cross as they are: JSON objects between the bus and MQTT, checked and stamped.
+"""Documents: JSON objects that the bridge passes between the bus and MQTT, checked and stamped.
 
-What a program on the bus says about a twin is tagged like a report; WebRTC's messages, which have a
-``session_id`` of their own, are not. Nothing that is not JSON, has the wrong ``type`` or lacks what its
-readers need crosses in either direction.
+A message of a bus program about a twin is tagged like a report; a WebRTC message, which has a ``session_id``
+of its own, is not. A message that is not JSON, has the wrong ``type`` or lacks a field that its readers need
+is not passed, in either direction.
 """
 
 from __future__ import annotations
@@ -23,15 +23,15 @@ from fleet.wire.samples import json_sample
 from fleet.wire.strict import child, finite, kind, parse_object, path
 
 UPDATE_TYPE = re.compile(r"[A-Za-z][A-Za-z0-9_.-]{0,63}")
-"""The kinds of an environment's update: an open list, of what can be a level of a topic."""
+"""Types of environment updates: an open list of words that can be a topic level."""
 
 
 class Shape(msgspec.Struct, frozen=True):
-    """What a document must hold: its type, ``says`` (empty: any), and fields with what they may be.
+    """Required content of a document: its type, ``says`` (empty: any), and its fields with their types.
 
-    ``one_of`` are fields of which one must be there. ``tagged``: it gets source type and session like a
-    report. ``aimed``: it has no ``target`` of its own, and goes out with the cloud's, so that we know it when
-    the broker brings it back to us.
+    ``one_of``: at least one of these fields must be present. ``tagged``: source type and session are added,
+    as to a report. ``aimed``: the message has no ``target``, so the cloud's is added on the way out; the
+    edge then recognises its own message when the broker delivers it back.
     """
 
     says: str = ""
@@ -56,28 +56,31 @@ SHAPES: Mapping[str, Shape] = MappingProxyType(
         "workflow-run:status": Shape(needs=MappingProxyType({"status": (str,)})),
     }
 )
-"""By suffix; what is not here only has to be a JSON object."""
+"""Required content by suffix; documents with other suffixes only have to be JSON objects."""
 _RAW_CANDIDATE = Shape(
     needs=MappingProxyType({"candidate": (str,)}),
     one_of=MappingProxyType({"sdpMid": (str,), "sdpMLineIndex": (int,)}),
     tagged=False,
     aimed=True,
 )
-"""What a browser's ``RTCIceCandidate.toJSON()`` gives, without the usual message around it."""
+"""Result of a browser's ``RTCIceCandidate.toJSON()``, without the usual message around it."""
 
 
 EDITED = frozenset({"position", "rotation", "scale"})
-"""What the editor changes of a twin: a field of the topic's name, by axis. Others tell these as state."""
+"""Suffixes that the twin editor writes; the field of the same name holds a value per axis.
+
+Edges and simulations publish the same topics as state.
+"""
 
 
 class _Tagged(msgspec.Struct):
-    """A message, as far as it says what kind of sender it has."""
+    """Only the source type of a message."""
 
     source_type: str | None = None
 
 
 class _Aimed(msgspec.Struct):
-    """A WebRTC message, as far as it says whom it is for; others may be named in it, too."""
+    """Only the ``target`` of a WebRTC message: other fields may contain the same words."""
 
     target: str
 
@@ -89,9 +92,9 @@ _CLOUD = "backend"
 
 
 def document_out(suffix: str, sample: bytes, *, source_type: str, session: str) -> bytes:
-    """Return the MQTT message of a document on the bus; its stamp is its own, else the header's.
+    """Return the MQTT message for a document on the bus; its stamp is its own, else the header's.
 
-    Raises WireError for what is no JSON object, lacks what the suffix needs, or has no stamp at all.
+    Raises WireError unless it is a JSON object with the fields that the suffix needs and with a stamp.
     """
     message = object_in(sample, suffix)
     shape = _checked(suffix, message)
@@ -107,9 +110,9 @@ def document_out(suffix: str, sample: bytes, *, source_type: str, session: str) 
 
 
 def document_in(suffix: str, payload: bytes, *, size: int, now: float) -> bytes:
-    """Return the sample to put on the bus for a document of the cloud; ``now`` stamps one without a stamp.
+    """Return the bus sample for a document of the cloud; ``now`` is the stamp of one without a stamp.
 
-    Raises WireError for what is no strict JSON object of at most ``size`` bytes, or lacks what it needs.
+    Raises WireError unless it is a strict JSON object of at most ``size`` bytes with the required fields.
     """
     message = parse_object(payload, limit=size)
     _checked(suffix, message)
@@ -122,12 +125,12 @@ def document_in(suffix: str, payload: bytes, *, size: int, now: float) -> bytes:
 
 
 def word_of_update(update: str) -> str:
-    """Return how the type of an update stands in a key on the bus, where only lower-case words can."""
+    """Return the type of an update as part of a bus key, which allows only lower-case words."""
     return re.sub(r"[^a-z0-9_]", "_", update.lower())
 
 
 def is_for_the_cloud(suffix: str, payload: bytes) -> bool:
-    """Return True for a WebRTC message that is on its way to the cloud: ours, come back to us."""
+    """Return True for a WebRTC message addressed to the cloud: our own, delivered back by the broker."""
     if not suffix.startswith("webrtc-") or b'"backend"' not in payload:
         return False
     try:
@@ -137,7 +140,7 @@ def is_for_the_cloud(suffix: str, payload: bytes) -> bool:
 
 
 def is_state_of_another(suffix: str, payload: bytes) -> bool:
-    """Return True for where a twin is as somebody measured or simulated it: nothing that the editor did."""
+    """Return True for a measured or simulated state of a twin, as opposed to a change by the editor."""
     if suffix not in EDITED:
         return False
     try:
@@ -147,7 +150,7 @@ def is_state_of_another(suffix: str, payload: bytes) -> bool:
 
 
 def _check_edit(suffix: str, message: Mapping[str, object]) -> None:
-    """Raise WireError for what is no change by the editor."""
+    """Raise WireError unless the message is a change by the editor."""
     if message.get("source_type") != "edit":
         raise WireError(f"edit is needed, not {str(message.get('source_type'))[:40]!a}", where="source_type")
     for axis, value in child(message, suffix).items():
@@ -155,7 +158,7 @@ def _check_edit(suffix: str, message: Mapping[str, object]) -> None:
 
 
 def _checked(suffix: str, message: Mapping[str, object]) -> Shape:
-    """Return the shape of a suffix, which the message must have."""
+    """Check a message against the shape of its suffix and return the shape; raises WireError."""
     namespace, _, update = suffix.partition(":")
     if namespace == "environment" and not UPDATE_TYPE.fullmatch(update):
         raise WireError(f"{update[:40]!a} cannot be the type of an update", where="environment")

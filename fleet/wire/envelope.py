@@ -1,4 +1,4 @@
-"""What every message that asks something carries besides what it asks: its name, sender and stamp."""
+"""Envelope of every request: command name, sender, stamp and identity."""
 
 from __future__ import annotations
 
@@ -24,10 +24,10 @@ _NAME = re.compile(f"[A-Za-z][A-Za-z0-9_.-]{{0,{LONGEST_NAME - 1}}}")
 
 
 class BadCommand(WireError):
-    """A message that asks something was refused.
+    """A request that cannot be decoded.
 
-    ``command`` is its name and ``action_id`` the action it is about, as far as they could be read, so
-    that the refusal can be told to whoever asked.
+    ``command`` is its name and ``action_id`` its action, as far as they could be read, so that the sender can
+    be told which request was refused.
     """
 
     def __init__(self, error: WireError, *, command: str = "", action_id: str = "") -> None:
@@ -39,7 +39,7 @@ class BadCommand(WireError):
 def name_of(message: Mapping[str, object]) -> str:
     """Return the name of what is asked; older senders call the field ``type``. Raises WireError.
 
-    A stop that either of the two names is what is asked, written as it should be.
+    A stop named in either field takes precedence, and is returned in its standard spelling.
     """
     stop = stop_named(message)
     if stop:
@@ -54,10 +54,10 @@ def name_of(message: Mapping[str, object]) -> str:
 
 
 def identity(payload: bytes, stamp: float | None, request_id: str, asked: object) -> str:
-    """Return what makes a repeat recognisable: the asker's own id with what is ``asked``, else the message.
+    """Return an id by which repeats of a request are recognised; empty when they cannot be.
 
-    An asker may use its ids again, for something else; so what is asked must be the same. A message without
-    an id is a repeat when it is the same to the last byte, and stamped; else nothing tells (empty).
+    It is a digest of the sender's own id together with the request (``asked``), because a sender may reuse an
+    id for another request. Without an id it is a digest of the whole message, if that has a stamp.
     """
     if request_id:
         return digest(request_id.encode() + msgspec.json.encode(asked))
@@ -65,17 +65,17 @@ def identity(payload: bytes, stamp: float | None, request_id: str, asked: object
 
 
 def digest(content: bytes) -> str:
-    """Return what stands for some bytes, in 32 letters."""
+    """Return a digest of ``content``: 32 hexadecimal digits."""
     return hashlib.blake2b(content, digest_size=16).hexdigest()
 
 
 def origin_and_stamp(
     message: Mapping[str, object], way: Transport, *, strict: bool, twin: str = ""
 ) -> tuple[Origin, float | None]:
-    """Return who asked and when (Unix seconds, None when not given).
+    """Return the sender of a message and its stamp (Unix seconds, None when not given).
 
-    Raises WireError for what is malformed, and for what names another twin than ``twin``, whose message it
-    is; when not ``strict`` (a stop) that counts as not given.
+    Raises WireError for a malformed field, and for a message that names another twin than ``twin``. When not
+    ``strict`` (for a stop) a malformed field counts as not given, and nothing is raised.
     """
     try:
         _require_twin(message, twin)
@@ -103,7 +103,7 @@ def _require_twin(message: Mapping[str, object], twin: str) -> None:
 
 
 def stop_asked(message: Mapping[str, object], way: Transport) -> Command | None:
-    """Return the stop that a message names on a topic that has other words; None when it names none."""
+    """Return the stop that a message names on a topic with other commands; None when it names none."""
     name = stop_named(message) if "command" in message or "type" in message else ""
     if not name:
         return None
@@ -112,7 +112,7 @@ def stop_asked(message: Mapping[str, object], way: Transport) -> Command | None:
 
 
 def tolerant(read: Callable[..., object], *arguments: object, strict: bool) -> Any:
-    """Return what ``read`` finds, None instead of its refusal when not ``strict``."""
+    """Return the result of ``read``; when not ``strict``, None instead of a WireError."""
     try:
         return read(*arguments)
     except WireError:
@@ -133,7 +133,7 @@ def stamp_of(message: Mapping[str, object]) -> float | None:
 
 
 def sampled_object(sample: bytes) -> dict[str, Any]:
-    """Read a message of the bus; its header says when it was put, 0 that nobody knows. Raises WireError."""
+    """Decode a bus message; its stamp defaults to the header's, where 0 means unknown. Raises WireError."""
     message = parse_object(json_payload(sample))
     stamp = stamp_of_header(sample)
     if stamp and stamp_of(message) is None:
@@ -142,12 +142,12 @@ def sampled_object(sample: bytes) -> dict[str, Any]:
 
 
 def seconds_of(stamp: float) -> float:
-    """Return a stamp in seconds, of which it may be thousandths."""
+    """Return a stamp in seconds; large values are taken as milliseconds."""
     return stamp / 1000.0 if stamp > MILLISECONDS_FROM else stamp
 
 
 def optional_word(message: Mapping[str, object], name: str) -> str | None:
-    """Return a string as it was sent, None when there is none; raises WireError for another kind."""
+    """Return an optional string field, None when missing or null; raises WireError for another type."""
     value = message.get(name)
     if value is not None and not isinstance(value, str):
         raise WireError(f"a string is needed, this is {kind(value)}", where=name)

@@ -1,7 +1,7 @@
-"""Events of robots on the bus, and which of them the cloud is told.
+"""Events of robots on the bus, and which of them are sent to the cloud.
 
-A program on the bus may put events of its own on the same key, ``{event_type, source, data}``. Those of the
-fleet have the source ``fleet``, and say more: what led to it, and who asked for that.
+A bus program may publish events of its own on the same key, ``{event_type, source, data}``. The fleet's own
+events have the source ``fleet`` and more fields: the request that led to the event, and its sender.
 """
 
 from __future__ import annotations
@@ -26,11 +26,11 @@ TOLD_TO_THE_CLOUD = frozenset(EventKind) - {
     EventKind.RELEASE,
     EventKind.SCHEDULE,
 }
-"""What happened to a robot. What was asked of it, and how that ended, its asker is told by a status."""
+"""Kinds of events that go to the cloud. Requests and their results do not: the sender gets a status."""
 
 
 class EventDocument(msgspec.Struct, frozen=True, omit_defaults=True):
-    """``event`` on the bus; the fields are those of ``EventReport``."""
+    """Form of an ``event`` on the bus; the fields are those of ``EventReport``."""
 
     ts: float
     event_type: EventKind
@@ -72,7 +72,7 @@ class EventDocument(msgspec.Struct, frozen=True, omit_defaults=True):
 
 
 class _Source(msgspec.Struct):
-    """An event, as far as it says who tells it."""
+    """Only the source of an event."""
 
     source: Any = None
 
@@ -81,7 +81,7 @@ _SOURCE: msgspec.json.Decoder[_Source] = json_decoder(_Source)
 
 
 def is_of_the_fleet(sample: bytes, channel: str) -> bool:
-    """Return True for an event that a process of a fleet tells, False for whatever another program says."""
+    """Return True for an event of a fleet process, False for a message of any other program."""
     if channel != EventReport.channel:
         return False
     try:
@@ -91,12 +91,12 @@ def is_of_the_fleet(sample: bytes, channel: str) -> bool:
         msgspec.DecodeError,
         ValueError,
         RecursionError,
-    ):  # who reads all of it says what is wrong
+    ):  # the full decoder reports what is wrong
         return False
 
 
 def unproven(report: Report) -> Report:
-    """Return a report from the bus without the claim that its asker is proven: anybody there can say so."""
+    """Return a bus report with the sender marked as not authenticated: any bus program can claim that."""
     if not isinstance(report, EventReport) or report.asker is None:
         return report
     return msgspec.structs.replace(report, asker=msgspec.structs.replace(report.asker, proven=False))
@@ -105,14 +105,14 @@ def unproven(report: Report) -> Report:
 def event_body(report: EventReport) -> dict[str, object]:
     """Return an event as the cloud's workflows read it, all but its stamp.
 
-    ``data`` has what the report's own has, and beside it text, severity, and what led to the event.
+    ``data`` holds the report's own data, and text, severity, and the request that led to the event.
     """
-    said = {
+    details = {
         "text": report.text,
         "severity": report.severity.value,
         "command": report.command,
         "request": report.request,
         "asker": report.asker,
     }
-    data = report.data | {name: value for name, value in said.items() if value}
+    data = report.data | {name: value for name, value in details.items() if value}
     return {"event_type": report.kind.value, "source": FLEET, "data": data}

@@ -1,4 +1,4 @@
-"""``T edge_health``: the heartbeat by which the cloud knows that an edge serves a twin; and the edge's."""
+"""Heartbeats: ``T edge_health``, which shows the cloud that an edge serves a twin, and the edge's own."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from fleet.model.state import EdgeState, RobotState
 from fleet.wire.encoding import encode_finite
 
 MOST_UNWELL = 50
-"""Robots that an edge's roll-up names."""
+"""Maximum number of unhealthy robots that an edge's summary names."""
 _ROLLED_UP = (
     "version",
     "bus",
@@ -40,10 +40,10 @@ def edge_health(
 ) -> bytes:
     """Return the heartbeat of one twin, with the fields and the order of the SDK.
 
-    ``uptime`` in seconds, ``stamp`` Unix seconds, ``session`` left out when empty. ``extra`` holds figures of
-    the host (``host_memory_percent``, ``cpu_temp_c``, ...); it replaces none of the other fields, and what
-    is unknown in it (None, NaN) is left out: a heartbeat must not fail for want of a thermometer. ``streams``
-    are those of programs on the bus, by their ids.
+    ``uptime`` in seconds, ``stamp`` Unix seconds, ``session`` omitted when empty. ``extra`` holds figures of
+    the host (``host_memory_percent``, ``cpu_temp_c``, ...); it cannot replace the other fields, and unknown
+    values in it (None, NaN) are omitted: a heartbeat must not fail for want of a thermometer. ``streams``
+    are those of programs on the bus, by id.
     """
     streams = streams or {}
     head: dict[str, Any] = {
@@ -66,13 +66,13 @@ def edge_health(
 
 
 def edge_state(state: EdgeState, robots: Iterable[RobotState], *, session: str) -> bytes:
-    """Return an edge's own roll-up for ``edges/{edge}/health``: how it is, how many robots are how, and why.
+    """Return an edge's summary for ``edges/{edge}/health``: its health, its robots by health, and causes.
 
-    ``robots``: those of the edge; of those that are not well the first ``MOST_UNWELL`` are named. The fields
-    beside are those that ``fleet/{edge}/health`` has on the bus.
+    ``robots``: all robots of the edge; the first ``MOST_UNWELL`` that are not ok are named. The other fields
+    are those of ``fleet/{edge}/health`` on the bus.
     """
-    said = msgspec.to_builtins(state)
-    figures = {name: said[name] for name in _ROLLED_UP if _is_known(said.get(name))}
+    fields = msgspec.to_builtins(state)
+    figures = {name: fields[name] for name in _ROLLED_UP if _is_known(fields.get(name))}
     unwell = [
         {"name": robot.name, "twin_uuid": robot.twin, "health": robot.health, "cause": robot.cause}
         for robot in robots
@@ -95,5 +95,5 @@ def edge_state(state: EdgeState, robots: Iterable[RobotState], *, session: str) 
 
 
 def _is_known(value: object) -> bool:
-    """Return False for None and for a number that is none."""
+    """Return False for None, NaN and infinity."""
     return value is not None and not (isinstance(value, float) and not math.isfinite(value))

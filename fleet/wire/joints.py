@@ -1,4 +1,4 @@
-"""``J update`` inward: joint targets, in every form that the SDK and the reference send.
+"""Decoder of inbound ``J update``: joint targets, in every form that the SDK and the reference send.
 
 | form | fields |
 |---|---|
@@ -8,11 +8,11 @@
 | flat | every other number at the top level is a joint's position |
 | bus | ``names`` and ``positions`` as arrays of one length, on ``commands/joint_positions`` alone |
 
-All but the first are also how joints are measured. A sender of state (``edge``, ``sim``) that sets no target
-asks nothing; but ``edge_leader`` shows where the follower is to go, unless the robot is a leader itself and
-this its own state. What remains is a setpoint of positions. Velocities and efforts beside a position are
-checked and not used: how fast a joint goes is bounded by its own declaration; without one they are refused.
-``update_mode`` is ``absolute``, or ``relative`` to where the joint is.
+All forms but the first also carry measured joints. A message without targets from a sender of state
+(``edge``, ``sim``) is no request. State of an ``edge_leader`` is one: its follower is to go there, unless
+the robot is itself a leader and this is its own state. The result is a setpoint of positions. Velocities and
+efforts beside a position are checked and not used, because the joint's declared limits bound its speed;
+without a position they are refused. ``update_mode`` is ``absolute``, or ``relative`` to the current position.
 """
 
 from __future__ import annotations
@@ -75,11 +75,11 @@ Sets = dict[str, dict[str, float]]
 def decode_joints(
     payload: bytes, *, way: Transport, request_id: str = "", twin: str = "", leads: bool = False
 ) -> JointSetpoint | Command | None:
-    """Return the joint targets in a message; None for joints that somebody measured.
+    """Return the joint targets in a message; None for measured joints.
 
-    ``leads``: the robot is a leader, so what a leader measured is its own state. On the bus a sample may have
-    Cyberwave's header, whose stamp counts where the message has none. A message that names a stop is that
-    stop. Raises BadCommand, which names the command.
+    ``leads``: the robot is a leader, so the state of a leader is its own. On the bus a sample may have
+    Cyberwave's header; its stamp is used when the message has none. A message that names a stop is returned
+    as that stop. Raises BadCommand, with the name of the command.
     """
     try:
         message = sampled_object(payload) if way is Transport.BUS else parse_object(payload)
@@ -100,7 +100,7 @@ def decode_joints(
 
 
 def _positions(sets: Sets) -> dict[str, float]:
-    """Return where the joints are to go; raises WireError for one that is only to move or push somehow."""
+    """Return the target positions; raises WireError for a joint with only a velocity or an effort."""
     positions = sets.get("positions", {})
     for name in ("velocities", "efforts"):
         for joint in sets.get(name, {}):
@@ -110,7 +110,7 @@ def _positions(sets: Sets) -> dict[str, float]:
 
 
 def _is_relative(message: Mapping[str, object]) -> bool:
-    """Return whether positions count from where the joints are; raises WireError for another mode."""
+    """Return True when positions are relative to the current ones; raises WireError for an unknown mode."""
     field = "update_mode" if "update_mode" in message else "mode"
     mode = optional_word(message, field)
     if mode and mode not in _MODES:
@@ -119,7 +119,7 @@ def _is_relative(message: Mapping[str, object]) -> bool:
 
 
 def _measured_form(message: Mapping[str, object], *, arrays: bool) -> Sets:
-    """Read the forms in which joints are measured, too; raises WireError when no joint is named."""
+    """Read the forms that measured joints share; raises WireError when no joint is named."""
     if arrays and "names" in message:
         found = _arrays(message)
     else:
@@ -130,7 +130,7 @@ def _measured_form(message: Mapping[str, object], *, arrays: bool) -> Sets:
 
 
 def _named_sets(message: Mapping[str, object], prefix: str) -> Sets:
-    """Read the sets that are there, each a number for each joint."""
+    """Read the sets that are present, each with a number per joint."""
     found = {name: child(message, prefix + name) for name in _SETS if prefix + name in message}
     if found:
         refuse_misspelt(message, _SET_FIELDS)
@@ -145,7 +145,7 @@ def _single(message: Mapping[str, object]) -> Sets:
 
 
 def _arrays(message: Mapping[str, object]) -> Sets:
-    """Read the bus's own form; raises WireError for arrays that do not belong together."""
+    """Read the form of the bus; raises WireError for arrays that do not match."""
     names, values = message["names"], message.get("positions")
     if not (isinstance(names, list) and isinstance(values, list) and len(names) == len(values)):
         raise WireError("two arrays of one length are needed", where="names, positions")
@@ -155,7 +155,7 @@ def _arrays(message: Mapping[str, object]) -> Sets:
 
 
 def _flat(message: Mapping[str, object]) -> Sets:
-    """Read every number at the top level that is none of the envelope's."""
+    """Read every number at the top level that is not an envelope field."""
     joints = {name: value for name, value in message.items() if name not in NEVER_JOINTS}
     return {"positions": _numbers(joints, "")} if joints else {}
 

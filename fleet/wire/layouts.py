@@ -1,8 +1,8 @@
-"""The published layouts of a topic that has several, of which fleet.yaml chooses one.
+"""Payload layouts of topics that have several published ones; fleet.yaml chooses one.
 
-``joint/update`` is aggregated unless another is asked for: in the flat form every number at the top is taken
-for a joint, and in both others nothing tells which joints belong together. A depth image is an object unless
-it is asked for as the older string or list.
+``joint/update`` is aggregated by default: in the flat form every number at the top level is read as a joint,
+and in both other forms nothing shows which joints belong together. A depth image is an object by default;
+string and list are older layouts.
 """
 
 from __future__ import annotations
@@ -26,11 +26,11 @@ _SINGLE = {"position": "positions", "velocity": "velocities", "effort": "efforts
 
 
 class MessageSource(msgspec.Struct, frozen=True):
-    """Who says something to the cloud: what all its messages carry.
+    """Source of messages to the cloud: the fields that each of them carries.
 
-    ``session_id`` is the edge's client id, ``sensor_id`` the sensor that measured it; left out when unset.
-    ``fields``: the same by their names. ``layout`` is how a payload is laid out whose topic has several,
-    empty for the first of them.
+    ``session_id`` is the edge's client id, ``sensor_id`` the sensor that measured; omitted when unset.
+    ``fields``: the same fields by name. ``layout`` is the chosen payload layout of a topic with several,
+    empty for the first one.
     """
 
     source_type: str
@@ -41,13 +41,13 @@ class MessageSource(msgspec.Struct, frozen=True):
 
 
 def joint_messages(report: JointReport, by: MessageSource) -> list[tuple[str, Body]]:
-    """Return the messages of joints in the layout of ``by``; the older topic is always aggregated.
+    """Return the messages for joints in the layout of ``by``; the older topic is always aggregated.
 
-    Raises WireError for a joint that the flat form cannot tell from other fields.
+    Raises WireError for a joint whose name is an envelope field, in the flat form.
     """
     tags = msgspec.to_builtins(report.tags) if report.tags is not None else {}
     role = tags.pop("role", None)
-    if role and by.source_type.startswith("edge"):  # a simulated robot says sim all the same
+    if role and by.source_type.startswith("edge"):  # a simulated robot keeps sim
         tags["source_type"] = f"edge_{role}"
     common = {**by.fields, "timestamp": report.stamp, **tags}
     whole = {**common, **_aggregated(report)}
@@ -57,7 +57,7 @@ def joint_messages(report: JointReport, by: MessageSource) -> list[tuple[str, Bo
 
 
 def depth_data(report: DepthReport, layout: Layout) -> Body:
-    """Return what a depth message has beside its type: the image as bytes (base64 in JSON), or a list.
+    """Return the fields of a depth message: the image as bytes (base64 in JSON), or as a list.
 
     Raises WireError for a list of anything but uint16.
     """
@@ -72,20 +72,20 @@ def depth_data(report: DepthReport, layout: Layout) -> Body:
 
 
 def _aggregated(report: JointReport) -> Body:
-    """Return all joints by what is measured."""
+    """Return all joints in one message, by measured quantity."""
     sets = {"positions": report.positions, "velocities": report.velocities, "efforts": report.efforts}
     return {name: values for name, values in sets.items() if values}
 
 
 def _flat(report: JointReport) -> list[Body]:
-    """Return the positions at the top of one message; velocities and efforts have no place there."""
+    """Return the positions at the top level of one message; this form has no velocities and efforts."""
     if taken := NEVER_JOINTS & report.positions.keys():
         raise WireError(f"no joint of the flat form can be called {min(taken)!a}", where=JOINT_UPDATE)
     return [dict(report.positions)]
 
 
 def _single(report: JointReport) -> list[Body]:
-    """Return a message for each joint."""
+    """Return one message per joint."""
     sets = {field: getattr(report, name) for field, name in _SINGLE.items()}
     return [
         {

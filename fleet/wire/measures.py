@@ -1,4 +1,4 @@
-"""Numbers of messages that must lie within bounds: read, or refused (WireError) with the place."""
+"""Readers of bounded numbers in messages; a number out of bounds raises WireError with its path."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from fleet.wire.strict import number, optional_number, path
 
 
 def positive(members: Mapping[str, object], name: str, where: str = "") -> float | None:
-    """Return the number called ``name``, which is more than 0; None when there is none."""
+    """Return the optional number ``name``, which must be more than 0; None when it is missing."""
     value = optional_number(members, name, where)
     if value is not None and value <= 0:
         raise _refusal(value, "more than 0", path(where, name))
@@ -17,7 +17,7 @@ def positive(members: Mapping[str, object], name: str, where: str = "") -> float
 
 
 def not_negative(members: Mapping[str, object], name: str, where: str = "") -> float | None:
-    """Return the number called ``name``, which is 0 or more; None when there is none."""
+    """Return the optional number ``name``, which must be 0 or more; None when it is missing."""
     value = optional_number(members, name, where)
     if value is not None and value < 0:
         raise _refusal(value, "0 or more", path(where, name))
@@ -25,7 +25,7 @@ def not_negative(members: Mapping[str, object], name: str, where: str = "") -> f
 
 
 def within(members: Mapping[str, object], name: str, where: str, most: float) -> float:
-    """Return the number called ``name``, which must be there, from ``-most`` to ``most``."""
+    """Return the required number ``name``, which must be within ``-most`` to ``most``."""
     value = number(members, name, where)
     if abs(value) > most:
         raise _refusal(value, f"-{most:g} to {most:g}", path(where, name))
@@ -33,5 +33,5 @@ def within(members: Mapping[str, object], name: str, where: str, most: float) ->
 
 
 def _refusal(value: float, wanted: str, where: str) -> WireError:
-    """Return the error for a number that is not what is wanted."""
+    """Return the error for a number out of bounds."""
     return WireError(f"{wanted} is needed, not {value}", where=where)

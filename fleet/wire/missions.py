@@ -1,8 +1,8 @@
-"""``T mission/command``: missions that a robot carries out from its own memory, and their controls.
+"""Decoder of ``T mission/command``: missions that a robot executes from its own memory, and controls.
 
-A mission comes as ``mission``, an ``aerial.mission.v1``, or as ``steps``, each with its type and its params,
-which are then the items of one. What has holes (an item without a place, nothing that leads anywhere,
-something behind the end) is refused with the place of the hole, before the robot hears of it.
+A mission is given as ``mission``, an ``aerial.mission.v1``, or as ``steps``, each with its type and params,
+which become the items of one. An incomplete mission (an item without a position, no item with one, items
+after the end) is refused with the path of the fault, before the robot receives any of it.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from fleet.wire.strict import without_nulls as given
 CONTRACT = "aerial.mission.v1"
 EXECUTION = "mission_execution_uuid"
 MOST_ITEMS = 500
-HIGHEST = 10_000.0  # m; an altitude beyond is a mistake
+HIGHEST = 10_000.0  # m; an altitude beyond it is a mistake
 LONGEST = 3600.0  # s to loiter
 
 CONTROLS: Mapping[str, Control] = MappingProxyType(
@@ -63,7 +63,7 @@ _ITEM_FIELDS = frozenset(
 def decode_mission(payload: bytes, *, way: Transport, twin: str = "") -> Navigate | Command:
     """Return the mission, the control or the stop in a message.
 
-    Raises BadCommand with what could be read of it.
+    Raises BadCommand with the name and the execution id, as far as they could be read.
     """
     name = execution = ""
     try:
@@ -84,7 +84,7 @@ def decode_mission(payload: bytes, *, way: Transport, twin: str = "") -> Navigat
 
 
 def _started(name: str, message: Mapping[str, object], execution: str) -> FlyMission:
-    """Read a mission that is to begin."""
+    """Read the mission of a ``start`` command."""
     if name != "start":
         raise WireError(f"start, pause, resume or cancel is needed, not {name!a}", where="command")
     if not execution:
@@ -107,7 +107,7 @@ def _from_steps(message: Mapping[str, object]) -> FlyMission:
 
 
 def plan_of(mission: Mapping[str, object], where: str) -> FlyMission:
-    """Read an ``aerial.mission.v1``; raises WireError with the place of what is missing or wrong."""
+    """Read an ``aerial.mission.v1``; raises WireError with the path of a missing or wrong field."""
     if mission.get("contract") != CONTRACT:
         raise WireError(f"must be {CONTRACT}", where=path(where, "contract"))
     refuse_misspelt(mission, _PLAN_FIELDS, where)
@@ -133,7 +133,7 @@ def plan_of(mission: Mapping[str, object], where: str) -> FlyMission:
 
 
 def _require_an_order(items: tuple[PlanItem, ...], where: str) -> None:
-    """Refuse a mission that leads nowhere, or goes on behind its end."""
+    """Raise WireError for a mission without any position, or with items after its end."""
     if not any(item.point for item in items):
         raise WireError("at least one item must have a place", where=path(where, "items"))
     for at, item in enumerate(items[:-1]):
@@ -142,7 +142,7 @@ def _require_an_order(items: tuple[PlanItem, ...], where: str) -> None:
 
 
 def _item(value: object, where: str, default: float | None) -> PlanItem:
-    """Read one item; ``default`` is the altitude of those that give none."""
+    """Read one item; ``default`` is the altitude of an item without one."""
     item = _members(value, where)
     refuse_misspelt(item, _ITEM_FIELDS, where)
     form = text(item, "type", where)
@@ -166,7 +166,7 @@ def _item(value: object, where: str, default: float | None) -> PlanItem:
 
 
 def _place(item: Mapping[str, object], where: str, default: float | None) -> GeoPoint:
-    """Read the place of an item; its altitude counts from what the mission says."""
+    """Read the position of an item; its altitude is relative to the mission's reference."""
     latitude, longitude = within(item, "latitude", where, 89.9), within(item, "longitude", where, 180.0)
     altitude = _altitude(item, "altitude_m", where)
     if altitude is None:
@@ -179,12 +179,12 @@ def _place(item: Mapping[str, object], where: str, default: float | None) -> Geo
 
 
 def _altitude(members: Mapping[str, object], name: str, where: str) -> float | None:
-    """Read an altitude in m, None when there is none."""
+    """Read an optional altitude in m, None when it is missing."""
     return within(members, name, where, HIGHEST) if name in members else None
 
 
 def _home(home: Mapping[str, object], where: str) -> GeoPoint:
-    """Read the planned place of the take-off, m AMSL."""
+    """Read the planned take-off position, m AMSL."""
     return GeoPoint(
         within(home, "latitude", where, 90.0),
         within(home, "longitude", where, 180.0),
@@ -193,7 +193,7 @@ def _home(home: Mapping[str, object], where: str) -> GeoPoint:
 
 
 def _items(message: Mapping[str, object], name: str, where: str) -> list[object]:
-    """Return an array of a bearable length."""
+    """Return an array of 1 to ``MOST_ITEMS`` items; raises WireError for anything else."""
     items = message.get(name)
     if not isinstance(items, list) or not 1 <= len(items) <= MOST_ITEMS:
         raise WireError(f"an array of 1 to {MOST_ITEMS} is needed", where=path(where, name))
@@ -201,14 +201,14 @@ def _items(message: Mapping[str, object], name: str, where: str) -> list[object]
 
 
 def _members(value: object, where: str) -> dict[str, object]:
-    """Return the members of an object."""
+    """Return the members of an object, without nulls; raises WireError for anything else."""
     if not isinstance(value, dict):
         raise WireError(f"an object is needed, this is {kind(value)}", where=where)
     return given(value)
 
 
 def _seconds(item: Mapping[str, object], where: str) -> float:
-    """Return how long to loiter."""
+    """Return the time to loiter, seconds."""
     seconds = positive(item, "seconds", where)
     if seconds is None or seconds > LONGEST:
         raise WireError(f"0 to {LONGEST:g} seconds are needed", where=path(where, "seconds"))
@@ -216,7 +216,7 @@ def _seconds(item: Mapping[str, object], where: str) -> float:
 
 
 def _turns(item: Mapping[str, object], where: str) -> int:
-    """Return how many turns to loiter: one byte on the autopilot."""
+    """Return the number of turns to loiter: the autopilot stores it in one byte."""
     turns = whole(item, "turns", where)
     if not 1 <= turns <= 255:
         raise WireError(f"1 to 255 are possible, not {turns}", where=path(where, "turns"))

@@ -1,9 +1,9 @@
-"""``T navigate/command``: where to go, in both vocabularies that are in use.
+"""Decoder of ``T navigate/command``: goals and controls, in both vocabularies that are in use.
 
-The reference says ``navigate_to_pose`` and ``cancel``, the SDK ``goto``, ``path``, ``relative_move``,
+The reference uses ``navigate_to_pose`` and ``cancel``, the SDK ``goto``, ``path``, ``relative_move``,
 ``stop``, ``pause`` and ``resume``. A heading is taken from ``yaw``, else from a rotation's named components,
-else from a list, whose order is that of the vocabulary unless the robot's configuration says otherwise.
-What cannot be followed as it was meant (a frame that is not the world, things to do at a goal) is refused.
+else from a list, whose order is that of the vocabulary unless the robot's configuration sets one.
+A request that cannot be carried out as meant (another frame than the world, actions at a goal) is refused.
 """
 
 from __future__ import annotations
@@ -75,11 +75,11 @@ _FIELDS: Mapping[str, frozenset[str]] = MappingProxyType(
         "metadata": frozenset({"wait_s", "max_loops", "units"}),
     }
 )
-"""What is read of each object; a field that looks like one of these and is none is refused."""
+"""Known fields of each object; an unknown field whose name resembles one of them is refused."""
 
 
 class _Reading(msgspec.Struct, frozen=True):
-    """How one message is to be read: what the robot's configuration and the vocabulary decide."""
+    """Conventions for one message, from the robot's configuration and the vocabulary."""
 
     order: Order
     planar: bool
@@ -98,16 +98,16 @@ def decode_navigate(
     origin_heading: float = 0.0,
     twin: str = "",
 ) -> Navigate | Command | None:
-    """Return the goal or control in a message; None for a status that strayed onto the topic.
+    """Return the goal or control in a message; None for a status that was published on this topic.
 
-    A stop that only the command topic knows, such as an emergency stop, is returned as the command it is.
+    A stop that only the command topic defines, such as an emergency stop, is returned as that command.
 
-    A task that brings no action id has one made of the message or of ``request_id`` (the asker's own): so
-    a repeat of it does not move the robot once more.
-    ``twin``: whose topic it is; a message that names another is refused.
-    ``planar``: the robot cannot tilt, so a tilted rotation is a mistake. ``home_altitude`` (m AMSL): what
-    geodetic altitudes are added to, because they count from the take-off point; without it they are refused.
-    ``origin_heading`` (compass degrees of the world's +y): turns compass headings into world yaw.
+    A task without an action id gets one derived from the message or from ``request_id`` (the sender's own
+    id), so that a repeat of it does not move the robot a second time.
+    ``twin``: the twin of the topic; a message that names another one is refused.
+    ``planar``: the robot cannot tilt, so a tilted rotation is a mistake. ``home_altitude`` (m AMSL): altitude
+    of the take-off point, to which geodetic altitudes are relative; without it they are refused.
+    ``origin_heading`` (compass degrees of the world's +y) converts compass headings to world yaw.
     Raises BadCommand, with the name and the action id where they could be read.
     """
     name = action_id = ""
@@ -133,14 +133,14 @@ def decode_navigate(
 
 
 def _order(name: str, configured: Literal["auto", "wxyz", "xyzw"]) -> Order:
-    """Return the order of list rotations: as configured, else that of the vocabulary."""
+    """Return the component order of list rotations: the configured one, else that of the vocabulary."""
     if configured != "auto":
         return configured
     return "xyzw" if name == "navigate_to_pose" else "wxyz"
 
 
 def _task(name: str, message: Mapping[str, object], reading: _Reading) -> Task:
-    """Read a task; raises WireError for a name that is none."""
+    """Read a task; raises WireError for an unknown name."""
     read = TASKS.get(name)
     if read is None:
         known = ", ".join([*TASKS, *CONTROLS])
@@ -151,7 +151,7 @@ def _task(name: str, message: Mapping[str, object], reading: _Reading) -> Task:
 
 
 def _refuse_foreign_frames(message: Mapping[str, object]) -> None:
-    """Refuse coordinates that are meant in any other frame than the world."""
+    """Raise WireError for coordinates in any other frame than the world."""
     for name in ("reference_frame", "frame_id"):
         frame = optional_word(message, name)
         if frame and frame not in WORLD_FRAMES:
@@ -160,7 +160,7 @@ def _refuse_foreign_frames(message: Mapping[str, object]) -> None:
 
 
 def _goto(message: Mapping[str, object], reading: _Reading) -> Task:
-    """Read one goal, or a path when waypoints lead to it."""
+    """Read one goal, or a path when the message has waypoints."""
     if message.get("waypoints"):
         return _path(message, reading)
     return GoTo(_goal(message, "", reading, _wait(message, "")), _constraints(message))
@@ -182,8 +182,8 @@ def _path(message: Mapping[str, object], reading: _Reading) -> Task:
 def _waypoint(item: object, where: str, reading: _Reading, wait: float, shared: Mapping[str, object]) -> Goal:
     """Read one waypoint: an object with a position, or its components, or a plain list.
 
-    ``shared`` is what the message says for all of them. ``duration_seconds`` paces controllers that plan
-    trajectories; here speed is limited by ``constraints``, so it is checked and not used.
+    ``shared`` holds the fields that the message sets for all waypoints. ``duration_seconds`` is for
+    controllers that plan trajectories; here ``constraints`` limits the speed, so it is checked and not used.
     """
     if isinstance(item, list):
         item = {"position": item}
@@ -200,7 +200,7 @@ def _waypoint(item: object, where: str, reading: _Reading, wait: float, shared: 
 
 
 def _goal(members: Mapping[str, object], where: str, reading: _Reading, wait: float) -> Goal:
-    """Read a place and the heading there."""
+    """Read the position and heading of a goal."""
     if members.get("actions"):
         raise WireError("nothing can be done at a goal but wait", where=path(where, "actions"))
     flat, geo = "position" in members, "geodetic_position" in members
@@ -215,7 +215,7 @@ def _goal(members: Mapping[str, object], where: str, reading: _Reading, wait: fl
 
 
 def _refuse_other_kind(members: Mapping[str, object], where: str, expected: str) -> None:
-    """Refuse a place that contradicts the coordinate frame it is given in."""
+    """Raise WireError for a position that contradicts its coordinate frame."""
     if "coordinate_frame" not in members:
         return
     frame = child(members, "coordinate_frame", where)
@@ -224,7 +224,7 @@ def _refuse_other_kind(members: Mapping[str, object], where: str, expected: str)
 
 
 def _vector(value: object, where: str, *, planar: bool = False) -> Vector3:
-    """Read [x, y, z] or {x, y, z} in metres; a planar robot may be given no z."""
+    """Read [x, y, z] or {x, y, z} in metres; z is optional for a planar robot."""
     if isinstance(value, dict):
         names = [axis for axis in "xyz" if axis != "z" or not planar or value.get("z") is not None]
         return Vector3(*(number(value, axis, where) for axis in names))
@@ -234,12 +234,12 @@ def _vector(value: object, where: str, *, planar: bool = False) -> Vector3:
 
 
 def _numbers(values: Sequence[object], where: str) -> list[float]:
-    """Return finite numbers; raises WireError naming the first that is none."""
+    """Return finite numbers; raises WireError with the path of the first other value."""
     return [finite(value, f"{where}.{index}") for index, value in enumerate(values)]
 
 
 def _yaw(members: Mapping[str, object], where: str, reading: _Reading) -> float | None:
-    """Return the world yaw of a goal in metres, None when it is left to the robot."""
+    """Return the world yaw (radians) of a cartesian goal, None when it is left to the robot."""
     if "yaw" in members:
         return wrap_angle(number(members, "yaw", where))
     if "rotation" in members:
@@ -249,7 +249,7 @@ def _yaw(members: Mapping[str, object], where: str, reading: _Reading) -> float 
 
 
 def _heading(members: Mapping[str, object], where: str, reading: _Reading) -> float | None:
-    """Return the world yaw of a compass heading (``orientation.heading``, degrees), None without one."""
+    """Return the world yaw (radians) for a compass heading (``orientation.heading``, degrees), or None."""
     if "geodetic_position" in members and members.keys() & {"yaw", "rotation"}:
         raise WireError("a geodetic goal is turned by orientation.heading", where=where or "message")
     if "orientation" not in members:
@@ -259,7 +259,7 @@ def _heading(members: Mapping[str, object], where: str, reading: _Reading) -> fl
 
 
 def _geodetic(members: Mapping[str, object], where: str, reading: _Reading) -> GeoPoint:
-    """Read a place on Earth; its altitude is returned AMSL."""
+    """Read a position on Earth; the returned altitude is AMSL."""
     place = path(where, "geodetic_position")
     point = given(child(members, "geodetic_position", where))
     refuse_misspelt(point, _FIELDS["geodetic_position"], place)
@@ -272,7 +272,7 @@ def _geodetic(members: Mapping[str, object], where: str, reading: _Reading) -> G
 
 
 def _datum(members: Mapping[str, Any], where: str, reading: _Reading) -> float:
-    """Return the altitude (m AMSL) that a geodetic altitude counts from: take-off unless it says amsl."""
+    """Return the datum (m AMSL) of a geodetic altitude: the take-off point, unless it says amsl."""
     reference = members.get("coordinate_frame", {}).get("altitude_reference") or "relative_to_takeoff"
     if reference == "amsl":
         return 0.0
@@ -284,7 +284,7 @@ def _datum(members: Mapping[str, Any], where: str, reading: _Reading) -> float:
 
 
 def _relative(message: Mapping[str, object], _reading: _Reading) -> Task:
-    """Read a move from here, in metres, in the robot's frame or the world's."""
+    """Read a relative move, in metres, in the robot's frame or the world's."""
     if "relative_translation" not in message:
         raise WireError("is missing", where="relative_translation")
     frame = text(message, "frame")
@@ -298,7 +298,7 @@ def _relative(message: Mapping[str, object], _reading: _Reading) -> Task:
 
 
 def _constraints(message: Mapping[str, object]) -> Constraints:
-    """Read what the asker limits; what is not known here is left to the robot's own limits."""
+    """Read the limits that the sender sets; a missing one leaves the robot's own limit."""
     if "constraints" not in message:
         return Constraints()
     members = given(child(message, "constraints"))
@@ -309,14 +309,14 @@ def _constraints(message: Mapping[str, object]) -> Constraints:
 
 
 def _metadata(members: Mapping[str, object], where: str) -> dict[str, object]:
-    """Return the metadata, empty when there is none."""
+    """Return the metadata, empty when it is missing."""
     metadata = given(child(members, "metadata", where)) if "metadata" in members else {}
     refuse_misspelt(metadata, _FIELDS["metadata"], path(where, "metadata"))
     return metadata
 
 
 def _wait(members: Mapping[str, object], where: str) -> float:
-    """Return the seconds to stay at a goal."""
+    """Return the time to stay at a goal, seconds."""
     place = path(where, "metadata")
     wait = not_negative(_metadata(members, where), "wait_s", place) or 0.0
     if wait > LONGEST_WAIT:
@@ -325,7 +325,7 @@ def _wait(members: Mapping[str, object], where: str) -> float:
 
 
 def _loops(message: Mapping[str, object]) -> int:
-    """Return how often a path is followed."""
+    """Return the number of times to follow a path."""
     metadata = {"max_loops": 1, **_metadata(message, "")}
     loops = whole(metadata, "max_loops", "metadata")
     if not 1 <= loops <= MOST_LOOPS:

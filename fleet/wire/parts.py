@@ -1,8 +1,8 @@
-"""Messages of one channel that are several states, and which of them replace each other.
+"""Channels that carry several independent states, and which of their messages replace each other.
 
-``telemetry`` carries events and, by their ``type``, periodic state; ``metrics`` carries categories that
-different programs know. What is told again and again is latest-value: of each part the newest crosses, and
-what was true before an outage does not arrive after it as news.
+``telemetry`` carries events and, by ``type``, periodic state; ``metrics`` carries categories of different
+programs. Periodic state is latest-value: the newest message of each part is sent, so that a state from
+before an outage is not delivered after it as news.
 """
 
 from __future__ import annotations
@@ -20,10 +20,10 @@ _OF_ONE_STREAM = frozenset({"sensor", "stream_source", "stream_instance_id"})
 
 
 class SubState(msgspec.Struct, frozen=True):
-    """How one type of a topic's messages is carried, where that is not as its row says.
+    """Rule for one type of a topic's messages that differs from the rule of the topic.
 
     ``max_rate`` in Hz (0: no limit), ``max_age`` in seconds (0: always worth sending). ``apart`` is the field
-    whose values are states of their own.
+    each value of which is a separate state.
     """
 
     traffic: TrafficClass
@@ -41,14 +41,14 @@ TELEMETRY: Mapping[str, SubState] = MappingProxyType(
         "camera_sync_frame": SubState(TrafficClass.EVENT, 2, 0, 30),
     }
 )
-"""The types of telemetry that are no plain events: periodic state, and what ties a picture to its time."""
+"""Types of telemetry that are not plain events: periodic state, and the frames that time a picture."""
 
 PARTED = frozenset({TelemetryReport.channel, MetricsReport.channel})
-"""The channels whose messages are several states."""
+"""Channels that carry several states."""
 
 
 def part_of(report: Report) -> str:
-    """Return which of its channel's states a report is; empty for what is carried as the row says."""
+    """Return the part of its channel that a report belongs to; empty when the topic's rule applies."""
     if isinstance(report, MetricsReport):
         return ",".join(sorted(report.categories))
     if not isinstance(report, TelemetryReport) or report.type not in TELEMETRY:
@@ -58,7 +58,7 @@ def part_of(report: Report) -> str:
 
 
 def rule_of_part(rule: TopicRule, part: str) -> TopicRule:
-    """Return how a part is carried: as its own line says, never oftener or surer than fleet.yaml wants."""
+    """Return the rule of a part: its own, but never more frequent or more durable than fleet.yaml allows."""
     own = TELEMETRY.get(part.partition(" ")[0])
     if own is None or rule.channel != TelemetryReport.channel:
         return rule
@@ -75,7 +75,7 @@ def rule_of_part(rule: TopicRule, part: str) -> TopicRule:
 
 
 def ends_every_stream(report: Report) -> bool:
-    """Return True for an end of the whole twin's telemetry, which closes all its streams and recordings."""
+    """Return True for the end of all telemetry of a twin, which closes its streams and recordings."""
     if not isinstance(report, TelemetryReport) or report.type != TELEMETRY_END:
         return False
     return not _OF_ONE_STREAM & report.fields.keys()

@@ -1,7 +1,7 @@
-"""Ping and pong: how long the way to the cloud and back takes, and whether an edge is there.
+"""Ping and pong: round-trip time to the cloud, and presence of an edge.
 
 The cloud answers ``ping/{uuid}/request`` on ``pong/{uuid}/response``. An edge answers for its twins too; its
-pong names it, so that nobody takes it for the cloud's.
+pong carries its name, so that it is not mistaken for the cloud's.
 """
 
 from __future__ import annotations
@@ -12,12 +12,12 @@ from fleet.wire.strict import parse_object
 
 
 def ping(*, stamp: float, session: str) -> bytes:
-    """Return the request, as the SDK sends it."""
+    """Return the ping request, in the SDK's form."""
     return encode_finite({"type": "ping", "timestamp": stamp, "session_id": session})
 
 
 def pong(*, stamp: float, edge_id: str, source_type: str, session: str) -> bytes:
-    """Return an edge's answer; ``stamp`` is when it is sent."""
+    """Return an edge's answer to a ping; ``stamp`` is the time of sending (Unix seconds)."""
     return encode_finite(
         {
             "type": "pong",

@@ -1,7 +1,7 @@
-"""Reports that programs write to the bus as they would publish them on MQTT: telemetry, metrics, log lines.
+"""Decoder of bus reports in their MQTT form: telemetry, metrics and log lines of other programs.
 
-What such a program says is open: fields that this project does not know pass beside those that it knows. The
-fields of the report itself (``fields``, ``more``, ``about``) are read too, and are what an edge writes.
+Such messages are open: fields unknown to this project are kept beside the known ones. The fields of the
+report itself (``fields``, ``more``, ``about``), which an edge writes, are read too.
 """
 
 from __future__ import annotations
@@ -22,14 +22,14 @@ from fleet.wire.strict import child, text
 
 LEVELS = frozenset({"DEBUG", "INFO", "WARNING", "ERROR", "CRITICAL"})
 ENVELOPE = frozenset({"ts", "timestamp", "type", "source_type", "session_id", "twin_uuid"})
-"""What every message may carry, of which the bridge makes its own."""
+"""Fields that any message may carry; the bridge replaces them with its own."""
 _DECODER: msgspec.json.Decoder[dict[str, object]] = json_decoder(dict[str, Any])
 
 
 def stamp_in(message: Mapping[str, object], sample: bytes) -> float:
     """Return when a message on the bus was made, Unix seconds: by its own stamp, else its sample's header.
 
-    Raises WireError when nothing says so.
+    Raises WireError when neither has one.
     """
     stamp = stamp_of(message)
     stamp = stamp_of_header(sample) if stamp is None else stamp
@@ -47,35 +47,35 @@ def object_in(sample: bytes, where: str) -> dict[str, object]:
 
 
 def decode_published(channel: str, sample: bytes) -> Report:
-    """Return the report in a sample of one of ``PUBLISHED``; raises WireError for what is none."""
+    """Decode a sample of one of the channels ``PUBLISHED``; raises WireError."""
     message = object_in(sample, channel)
     return PUBLISHED[channel](message, stamp_in(message, sample))
 
 
 def _telemetry(message: Mapping[str, object], stamp: float) -> TelemetryReport:
-    """Read one message of telemetry: its type, and whatever stands beside it."""
+    """Read one telemetry message: its type and all other fields."""
     given = {name: value for name, value in message.items() if name not in ("ts", "type", "fields")}
     return TelemetryReport(stamp, text(message, "type"), {**given, **_part(message, "fields")})
 
 
 def _metrics(message: Mapping[str, Any], stamp: float) -> MetricsReport:
-    """Read categories: at the top, as some write them, or in ``metrics``."""
+    """Read metric categories: at the top level, as some programs write them, or in ``metrics``."""
     own = ENVELOPE | {"metrics", "more"}
-    told = {name: value for name, value in message.items() if name not in own}
-    told = {**told, **_part(message, "more"), **_part(message, "metrics")}
-    taken: dict[str, Any] = {"errors": None}
+    more = {name: value for name, value in message.items() if name not in own}
+    more = {**more, **_part(message, "more"), **_part(message, "metrics")}
+    known: dict[str, Any] = {"errors": None}
     for name in ("power", "navigation"):
-        if isinstance(told.get(name), dict):
-            taken[name] = told.pop(name)
-    if _are_objects(told.get("errors")):
-        taken["errors"] = tuple(told.pop("errors"))
-    elif told.get("errors", 0) is None:
-        del told["errors"]
-    return MetricsReport(stamp, **taken, more=told)
+        if isinstance(more.get(name), dict):
+            known[name] = more.pop(name)
+    if _are_objects(more.get("errors")):
+        known["errors"] = tuple(more.pop("errors"))
+    elif more.get("errors", 0) is None:
+        del more["errors"]
+    return MetricsReport(stamp, **known, more=more)
 
 
 def _log(message: Mapping[str, Any], stamp: float) -> LogReport:
-    """Read a log line, and whatever is told of who says it."""
+    """Read a log line and the fields about its source."""
     level = text(message, "level").upper()
     if level not in LEVELS:
         raise WireError(f"one of {', '.join(sorted(LEVELS))} is needed, not {level[:40]!a}", where="level")
@@ -85,16 +85,16 @@ def _log(message: Mapping[str, Any], stamp: float) -> LogReport:
 
 
 def _part(message: Mapping[str, object], name: str) -> Mapping[str, object]:
-    """Return the members of an object, none when it is not there; raises WireError for anything else."""
+    """Return the members of an optional object, empty when missing; raises WireError for anything else."""
     return child(message, name) if message.get(name) is not None else {}
 
 
 def _are_objects(value: object) -> bool:
-    """Return True for a list of nothing but objects."""
+    """Return True for a list that holds only objects."""
     return isinstance(value, list) and all(isinstance(each, dict) for each in value)
 
 
 PUBLISHED: Mapping[str, Callable[[Mapping[str, object], float], Report]] = MappingProxyType(
     {TelemetryReport.channel: _telemetry, MetricsReport.channel: _metrics, LogReport.channel: _log}
 )
-"""By channel, what reads a message of it."""
+"""Decoder of each channel's messages."""

@@ -1,4 +1,4 @@
-"""Answers to commands: ``twin.command_response.v1`` for who asked for one, a status for who did not."""
+"""Replies to commands: ``twin.command_response.v1`` for a request with a Response Topic, else a status."""
 
 from __future__ import annotations
 
@@ -9,10 +9,10 @@ from fleet.wire.encoding import encode_finite
 
 
 def command_response(reply: Reply, *, twin: str, source_type: str, stamp: float) -> bytes:
-    """Return a reply as ``twin.command_response.v1``, whose ``source_type`` can be edge or sim alone.
+    """Return a reply as ``twin.command_response.v1``, whose ``source_type`` can only be edge or sim.
 
-    What is empty is left out. ``done`` stands beside the contract's fields once the outcome is known, and
-    ``data`` what was asked for.
+    Empty fields are omitted. Two fields are added to those of the contract: ``done`` once the outcome is
+    known, and ``data`` with the result of a query.
     """
     message: dict[str, object] = {
         "contract": "twin.command_response.v1",
@@ -29,10 +29,10 @@ def command_response(reply: Reply, *, twin: str, source_type: str, stamp: float)
 
 
 def legacy_status(reply: Reply, *, stamp: float, source_type: str, request: str = "") -> bytes:
-    """Return a reply for the command topic itself, where its ``status`` tells it from a command.
+    """Return a reply for the command topic itself, where its ``status`` distinguishes it from a command.
 
-    ``done`` stands in it once the outcome is known. ``request`` is the asker's own name of the request
-    (its Correlation Data), left out when empty.
+    It has ``done`` once the outcome is known. ``request`` is the sender's own id of the request (its
+    Correlation Data), omitted when empty.
     """
     message: dict[str, object] = {
         "status": "ok" if reply.ok else "error",
@@ -50,13 +50,13 @@ def legacy_status(reply: Reply, *, stamp: float, source_type: str, request: str 
 
 
 def _details(reply: Reply) -> dict[str, object]:
-    """Return why, in the host's and the robot's own words, and what was asked for."""
+    """Return the reason, the robot's own result and messages, and the result of a query."""
     reason = f"{reply.reason} ({reply.hint})" if reply.hint else reply.reason
     details: dict[str, object] = {
         "reason": reason,
         "device_result": reply.device_result,
         "messages": reply.messages,
     }
-    if reply.data is not None:  # what an adapter gives may have not-a-number in it: JSON says null
+    if reply.data is not None:  # data of an adapter may hold NaN, which msgspec encodes as null
         details["data"] = msgspec.json.decode(msgspec.json.encode(reply.data))
     return {name: value for name, value in details.items() if value or name == "data"}

@@ -1,7 +1,7 @@
-"""Reports as MQTT messages, in the forms that Cyberwave's SDK and storage read.
+"""Encoder of reports as MQTT messages, in the forms that Cyberwave's SDK and storage read.
 
-These differ from the bus payloads of the same reports (``fleet.wire.databus``): a bridge translates, it
-does not copy. Nothing is sent for what is unknown, and no number that is not finite.
+These differ from the bus payloads of the same reports (``fleet.wire.databus``): the bridge translates, it
+does not copy. Unknown values are not sent, nor is a number that is not finite.
 """
 
 from __future__ import annotations
@@ -49,14 +49,14 @@ Leaves = list[tuple[str, Body]]
 Message = Body | State
 
 
-@functools.lru_cache(maxsize=1024)  # that of most robots is the same
+@functools.lru_cache(maxsize=1024)  # the same for most reports
 def sender(
     *, source_type: str, session: str = "", sensor: str | None = None, layout: Layout = ""
 ) -> MessageSource:
-    """Return who says something to the cloud.
+    """Return the message source for a twin.
 
-    ``session`` is the edge's client id, left out when empty; ``sensor`` the one that measured it, where the
-    bus key names one; ``layout`` that of the payload, where its topic has several.
+    ``session`` is the edge's client id, omitted when empty; ``sensor`` the sensor that measured, where the
+    bus key names one; ``layout`` that of the payload, for a topic with several.
     """
     fields = {"source_type": source_type}
     if session:
@@ -67,7 +67,7 @@ def sender(
 
 
 def to_mqtt(report: Report, by: MessageSource, off: frozenset[str] = frozenset()) -> list[tuple[str, bytes]]:
-    """Return what to publish for a report: those of ``messages_of`` as JSON.
+    """Return the messages of a report (see ``messages_of``) encoded as JSON.
 
     Raises WireError for a number that is not finite or out of its range.
     """
@@ -77,11 +77,11 @@ def to_mqtt(report: Report, by: MessageSource, off: frozenset[str] = frozenset()
 def messages_of(
     report: Report, by: MessageSource, off: frozenset[str] = frozenset()
 ) -> Sequence[tuple[str, Message]]:
-    """Return the messages of a report: (suffix of the twin's topic, message), often one, at times none.
+    """Return the messages of a report: (suffix of the twin's topic, message), usually one, possibly none.
 
-    The joints' suffix is ``joint:update``, which ``Topics.twin`` resolves. What ``by`` tells of the
-    sender nothing in a report can replace; ``off`` holds the suffixes that are not wanted. Raises
-    WireError for what is out of its range.
+    The suffix of joints is ``joint:update``, which ``Topics.twin`` resolves. No field of a report can
+    replace those of ``by``; ``off`` holds the suffixes not to send. Raises WireError for a value out of its
+    range.
     """
     make = STATES.get(type(report), _enveloped)
     made: Sequence[tuple[str, Message]] = make(report, by)
@@ -89,7 +89,7 @@ def messages_of(
 
 
 def _enveloped(report: Report, by: MessageSource) -> Leaves:
-    """Return the bodies of a report with what all messages carry; nothing in them can replace that."""
+    """Return the bodies of a report with the fields that all messages carry, which nothing can replace."""
     suffixes = _depth(report, by) if isinstance(report, DepthReport) else _FORMS[type(report)](report)
     for suffix, body in suffixes:
         stream = body.get("session_id") if suffix == "telemetry" and body["type"] in OF_A_STREAM else None
@@ -134,7 +134,7 @@ def _gps(report: GpsReport) -> Leaves:
 
 
 def _place(point: GeoPoint) -> Body:
-    """Return a place on Earth in the names of the wire."""
+    """Return a position on Earth with the field names of the wire."""
     return {"latitude": point.latitude, "longitude": point.longitude, "altitude": point.altitude}
 
 
@@ -172,7 +172,7 @@ def _flight_controller(report: FlightControllerReport) -> Leaves:
 
 
 def _mission(mission: MissionProgress) -> Body:
-    """Return the autopilot's mission; a total of none is not told."""
+    """Return the progress of the autopilot's mission; a total of 0 is omitted."""
     body = {
         "current_seq": mission.current,
         "total": mission.total or None,
@@ -187,7 +187,7 @@ def _metrics(report: MetricsReport) -> Leaves:
 
 
 def _navigation(report: NavigationReport) -> Leaves:
-    """One status of one action; that of a mission goes to another topic."""
+    """One status of one action; the status of a mission has a topic of its own."""
     if report.step is not None:
         return _mission_status(report)
     body: Body = {
@@ -200,7 +200,7 @@ def _navigation(report: NavigationReport) -> Leaves:
 
 
 def _mission_status(report: NavigationReport) -> Leaves:
-    """One status of one mission; a mission that is blocked still runs."""
+    """One status of one mission; a blocked mission is sent as running."""
     blocked = report.state is ActionState.BLOCKED
     body: Body = {
         "mission_execution_uuid": report.action_id,
@@ -217,7 +217,7 @@ def _telemetry(report: TelemetryReport) -> Leaves:
 
 
 def _photo(report: PhotoReport) -> Leaves:
-    """One picture, in base64 (the encoder does that)."""
+    """One picture; the encoder writes its bytes in base64."""
     body: Body = {
         "image": report.image,
         "format": report.format,
@@ -228,13 +228,13 @@ def _photo(report: PhotoReport) -> Leaves:
 
 
 def _depth(report: DepthReport, by: MessageSource) -> Leaves:
-    """One depth image, its bytes in base64 (the encoder does that) unless they are asked for as a list."""
+    """One depth image; the encoder writes its bytes in base64, unless the layout is a list."""
     check_depth(report)
     return [("depth", {"type": "depth_data", **depth_data(report, by.layout)})]
 
 
 def _pointcloud(report: PointCloudReport) -> Leaves:
-    """Points, with all three fields by which readers learn how they are laid out."""
+    """Point cloud, with all three fields from which different readers take its layout."""
     check_pointcloud(report)
     body: Body = {
         "type": "pointcloud",
@@ -248,7 +248,7 @@ def _pointcloud(report: PointCloudReport) -> Leaves:
 
 
 def _log(report: LogReport) -> Leaves:
-    """Say a line to the log store, which reads upper-case levels."""
+    """One log line; the log store expects upper-case levels."""
     body = {
         "type": "driver_log",
         "message": report.message,
@@ -260,7 +260,7 @@ def _log(report: LogReport) -> Leaves:
 
 
 def _event(report: EventReport) -> Leaves:
-    """Something that happened to the robot; nothing for what only the edge's own history has."""
+    """One event; none for kinds that stay in the edge's own history."""
     return [("event", event_body(report))] if report.kind in TOLD_TO_THE_CLOUD else []
 
 

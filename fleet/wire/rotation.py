@@ -1,4 +1,4 @@
-"""Rotations from outside, whose lists come in two orders."""
+"""Reader of rotations in messages; list rotations occur in two component orders."""
 
 from __future__ import annotations
 
@@ -12,15 +12,15 @@ from fleet.wire.strict import finite, number
 
 Order = Literal["wxyz", "xyzw"]
 
-LARGEST_TILT = math.radians(20)  # of a goal for a robot that cannot tilt
-LENGTH_ERROR = 0.05  # how far from one a rotation's length may be
+LARGEST_TILT = math.radians(20)  # tolerated tilt of a goal for a robot that cannot tilt
+LENGTH_ERROR = 0.05  # tolerated deviation of a quaternion's length from 1
 
 
 def yaw_of(value: object, *, order: Order, planar: bool, where: str) -> float:
     """Return the yaw (radians) of {w, x, y, z}, or of a list in the given order.
 
-    Raises WireError for what is no unit quaternion and, when ``planar``, for one that tilts by more than
-    20 degrees: most often its list is in the other order.
+    Raises WireError unless it is a unit quaternion and, when ``planar``, for a tilt of more than 20 degrees:
+    most often the list is then in the other order.
     """
     rotation = _rotation(value, order, where)
     length = math.hypot(rotation.w, rotation.x, rotation.y, rotation.z)
@@ -44,5 +44,5 @@ def _rotation(value: object, order: Order, where: str) -> Quaternion:
 
 
 def _by_name(value: Mapping[str, object], where: str) -> Quaternion:
-    """Return a rotation whose components are named; all four must be there."""
+    """Return a rotation from named components; all four are required."""
     return Quaternion(*(number(value, name, where) for name in "wxyz"))

@@ -1,4 +1,4 @@
-"""The rules of one twin: the table, as the profile of the way to the cloud and fleet.yaml change it."""
+"""Topic rules of one twin: the table of ``fleet.wire.rules`` with the changes of profile and fleet.yaml."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ KIB = 1024
 
 
 class Change(msgspec.Struct, frozen=True):
-    """What fleet.yaml, or a profile, says of one topic; None suffixes it as it is. Hz, seconds, bytes."""
+    """Changes to one topic's rule by fleet.yaml or a profile; None keeps the value. Hz, seconds, bytes."""
 
     on: bool | None = None
     rate: float | None = None
@@ -35,7 +35,7 @@ class Change(msgspec.Struct, frozen=True):
 
 
 class Channel(msgspec.Struct, frozen=True):
-    """A bus channel that the table does not know, and the topic it goes to."""
+    """A bus channel that is not in the table, and the topic it is sent to."""
 
     suffix: str
     traffic: TrafficClass
@@ -45,9 +45,9 @@ class Channel(msgspec.Struct, frozen=True):
 
 
 class Profile(msgspec.Struct, frozen=True):
-    """What suits one kind of way to the cloud.
+    """Changes that suit one kind of uplink.
 
-    ``backlog`` is how many bytes may wait to be sent before streams are dropped.
+    ``backlog`` is the number of bytes that may wait to be sent before streams are dropped.
     """
 
     about: str
@@ -94,16 +94,16 @@ PROFILES: Mapping[str, Profile] = MappingProxyType(
 
 
 class Changes(msgspec.Struct, frozen=True):
-    """What fleet.yaml says of the topics, by suffix, of each direction."""
+    """Changes of fleet.yaml to topic rules, by suffix, for each direction."""
 
     outward: Mapping[str, Change] = MappingProxyType({})
     inward: Mapping[str, Change] = MappingProxyType({})
 
 
 class Rulebook(msgspec.Struct, frozen=True):
-    """Rules for one uuid: outward by bus channel, inward by topic suffix; ``off``: suffixes that stay here.
+    """Rules for one uuid: outward by bus channel, inward by topic suffix; ``off``: suffixes not sent.
 
-    ``backlog`` is how many bytes may wait to be sent before streams are dropped.
+    ``backlog`` is the number of bytes that may wait to be sent before streams are dropped.
     """
 
     outward: Mapping[str, TopicRule]
@@ -117,7 +117,7 @@ def rulebook(
     layers: Iterable[Changes] = (),
     channels: Mapping[str, Channel] = MappingProxyType({}),
 ) -> Rulebook:
-    """Return the rules of one twin; later layers win. ``channels`` are those the table does not know."""
+    """Return the rules of one twin; later layers win. ``channels`` are those that are not in the table."""
     chosen, layers = PROFILES[profile], tuple(layers)
     outward = (chosen.changes, *(layer.outward for layer in layers))
     inward = tuple(layer.inward for layer in layers)
@@ -137,39 +137,39 @@ def rulebook(
 
 
 def of_a_twin(book: Rulebook) -> Rulebook:
-    """Return what crosses for a twin's uuid."""
+    """Return the rules that apply to the uuid of a twin."""
     return _only(book, lambda suffix: suffix not in NOT_OF_A_TWIN)
 
 
 def of_an_environment(book: Rulebook) -> Rulebook:
-    """Return what crosses for an environment's uuid."""
+    """Return the rules that apply to the uuid of an environment."""
     return _only(book, lambda suffix: suffix == ENVIRONMENT)
 
 
 def of_any_run(book: Rulebook) -> Rulebook:
-    """Return what crosses for workflow runs."""
+    """Return the rules that apply to workflow runs."""
     return _only(book, lambda suffix: suffix.startswith("workflow-run:"))
 
 
 def _only(book: Rulebook, wanted: Callable[[str], bool]) -> Rulebook:
-    """Return the part of a book whose suffixes are wanted."""
+    """Return the part of a rulebook whose suffixes are wanted."""
     outward = {channel: rule for channel, rule in book.outward.items() if wanted(rule.suffix)}
     inward = {suffix: rule for suffix, rule in book.inward.items() if wanted(suffix)}
     return Rulebook(outward, book.off, inward, book.backlog)
 
 
 def _merged(suffix: str, layers: Iterable[Mapping[str, Change]]) -> Change:
-    """Return what all layers together say of a suffix."""
-    said: dict[str, object] = {}
+    """Return the changes of all layers to one suffix; later layers win."""
+    merged: dict[str, object] = {}
     for layer in layers:
         if suffix in layer:
             given = msgspec.structs.asdict(layer[suffix])
-            said |= {name: value for name, value in given.items() if value is not None}
-    return Change(**said)  # type: ignore[arg-type]
+            merged |= {name: value for name, value in given.items() if value is not None}
+    return Change(**merged)  # type: ignore[arg-type]
 
 
 def _changed(rule: TopicRule, layers: Iterable[Mapping[str, Change]]) -> TopicRule:
-    """Return a rule as it was changed; what is durable is sent at least once and never repeated."""
+    """Return a changed rule. Durable messages are sent at least once (QoS 1) and never repeated."""
     change = _merged(rule.suffix, layers)
     traffic = rule.traffic if change.traffic is None else change.traffic
     rate = rule.max_rate if change.rate is None else change.rate
@@ -188,7 +188,7 @@ def _changed(rule: TopicRule, layers: Iterable[Mapping[str, Change]]) -> TopicRu
 
 
 def _changed_inward(rule: InboundRule, layers: Iterable[Mapping[str, Change]]) -> InboundRule:
-    """Return an inward rule as it was changed; a robot's asks keep no rate, whatever is said."""
+    """Return a changed inward rule. Requests to a robot never get a rate limit: it could drop a stop."""
     change = _merged(rule.suffix, layers)
     return msgspec.structs.replace(
         rule,

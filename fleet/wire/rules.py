@@ -1,8 +1,8 @@
-"""How each topic is carried: the one table of the bridge, and the source of docs/reference/topics.md.
+"""Table of topic rules, which the bridge runs on and from which docs/reference/topics.md is generated.
 
-The class decides what happens when the cloud is slow or away: replies, status and events are kept in
-order on disk, latest-value state keeps only the newest, streams are dropped first. What fleet.yaml may
-change of a row is in ``fleet.wire.rulebook``.
+The traffic class decides what happens while the cloud is slow or unreachable: replies, status and events
+are kept in order on disk, of latest-value state only the newest is kept, streams are dropped first.
+``fleet.wire.rulebook`` holds the changes that fleet.yaml may make to a row.
 """
 
 from __future__ import annotations
@@ -16,15 +16,15 @@ import msgspec
 
 from fleet.wire.topics import JOINT_UPDATE
 
-REPLY_INBOX = "command/+/response"  # the + stands for the requester's client id
-ENVIRONMENT = "environment:+"  # the + stands for the type of update
-LARGEST = 32 * 1024 * 1024  # bytes; what Cyberwave's broker takes
+REPLY_INBOX = "command/+/response"  # + is the requester's client id
+ENVIRONMENT = "environment:+"  # + is the type of update
+LARGEST = 32 * 1024 * 1024  # bytes; the largest message that Cyberwave's broker accepts
 KIB = 1024
 MIB = 1024 * KIB
 
 
 class TrafficClass(enum.IntEnum):
-    """Traffic classes; a smaller one goes first."""
+    """Traffic classes; a smaller value is sent first."""
 
     REPLY = 0
     STATUS = 1
@@ -34,17 +34,17 @@ class TrafficClass(enum.IntEnum):
 
     @property
     def durable(self) -> bool:
-        """True when it is spooled and delivered at least once."""
+        """True when messages are spooled and delivered at least once."""
         return self <= TrafficClass.EVENT
 
     @property
     def word(self) -> str:
-        """The class in lower case, as fleet.yaml and the metrics say it."""
+        """Name of the class in lower case, as used in fleet.yaml and the metrics."""
         return self.name.lower()
 
 
 class TopicForm(enum.Enum):
-    """What a topic is made from."""
+    """Origin of a topic's messages."""
 
     SAID = "said by the edge itself"
     REPORT = "a report of a robot"
@@ -55,18 +55,18 @@ Layout = Literal["", "aggregated", "single", "flat", "object", "string", "list"]
 LAYOUTS: Mapping[str, tuple[Layout, ...]] = MappingProxyType(
     {JOINT_UPDATE: ("aggregated", "single", "flat"), "depth": ("object", "string", "list")}
 )
-"""By suffix, how its payload may be laid out; the first is the usual one, which an empty layout is too."""
+"""Payload layouts by suffix; the first is the default, also meant by an empty layout."""
 
 
 class TopicRule(msgspec.Struct, frozen=True):
-    """How one topic is carried from the edge to the cloud.
+    """Rule for one topic from the edge to the cloud.
 
-    ``channel`` is the bus channel it is made from, empty for what the edge says itself. ``max_rate`` is
-    messages a second that are sent at most (0: no limit), ``repeat`` how often the last one is sent again
-    although nothing changed (Hz, 0: never), ``about`` what is on it. ``max_age`` is how many seconds a
-    message is worth sending (0: always), ``size`` its largest payload in bytes. ``sensors``: samples of
-    one sensor (the last part of the key) cross too. A topic that is not ``on`` must be asked for.
-    ``layout`` is that of its payload, where it has several (``fleet.wire.layouts``); empty: the usual one.
+    ``channel`` is the bus channel that feeds it, empty for messages of the edge itself. ``max_rate`` is the
+    maximum number of messages a second (0: no limit), ``repeat`` the rate at which an unchanged message is
+    sent again (Hz, 0: never), ``about`` its description. ``max_age`` is the time for which a message is worth
+    sending (seconds, 0: always), ``size`` its largest payload in bytes. ``sensors``: samples of a single
+    sensor (the last part of the key) are sent too. A topic that is not ``on`` must be enabled in fleet.yaml.
+    ``layout`` is the payload layout, for a topic with several (``fleet.wire.layouts``); empty: the default.
     """
 
     suffix: str
@@ -85,13 +85,13 @@ class TopicRule(msgspec.Struct, frozen=True):
 
 
 Kind = Literal["command", "navigate", "motion", "joints", "mission"]
-"""What may be asked of a robot, by the topic that it comes on."""
+"""Kind of a request to a robot, by the topic it arrives on."""
 
 
 class Recipient(enum.StrEnum):
-    """Who takes a message from the cloud."""
+    """Recipient of a message from the cloud."""
 
-    COMMAND = "command"  # a robot: something discrete, or a velocity verb
+    COMMAND = "command"  # a robot: a discrete command, or a velocity verb
     NAVIGATE = "navigate"  # a robot: a goal
     MOTION = "motion"  # a robot: a velocity
     JOINTS = "joints"  # a robot: joint targets
@@ -101,15 +101,15 @@ class Recipient(enum.StrEnum):
 
     @property
     def asks(self) -> bool:
-        """True when a robot is asked something."""
+        """True for a request to a robot."""
         return self not in (Recipient.RELAY, Recipient.EDGE)
 
 
 class InboundRule(msgspec.Struct, frozen=True):
-    """How one topic is carried from the cloud to the edge.
+    """Rule for one topic from the cloud to the edge.
 
-    ``channel`` is the bus channel that a relayed message is put on. ``max_rate`` bounds what is relayed, in
-    messages a second of one twin; what a robot is asked is never thinned, so that a stop is never lost.
+    ``channel`` is the bus channel to which a message is relayed. ``max_rate`` limits relayed messages, in
+    messages a second per twin; requests to a robot are never limited, so that a stop is never lost.
     """
 
     suffix: str
@@ -132,8 +132,8 @@ _TABLE = (
     TopicRule(
         "command", "", TrafficClass.REPLY, 1, 0, 0, "status of a command, and how it ended", _SAID, 3600
     ),
-    TopicRule("start_video/status", "", TrafficClass.REPLY, 1, 0, 0, "what came of start_video", _SAID, 30),
-    TopicRule("stop_video/status", "", TrafficClass.REPLY, 1, 0, 0, "what came of stop_video", _SAID, 30),
+    TopicRule("start_video/status", "", TrafficClass.REPLY, 1, 0, 0, "result of start_video", _SAID, 30),
+    TopicRule("stop_video/status", "", TrafficClass.REPLY, 1, 0, 0, "result of stop_video", _SAID, 30),
     TopicRule("navigate/status", "navigate_status", _S, 1, 0, 0, "status of an action"),
     TopicRule("mission/status", "navigate_status", _S, 1, 0, 0, "status of a mission"),
     TopicRule(
@@ -141,8 +141,8 @@ _TABLE = (
     ),
     TopicRule("webrtc-answer", "webrtc_answer", _E, 1, 5, 0, "its answer to an offer", _DOC, 30, 256 * _K),
     TopicRule("webrtc-candidate", "webrtc_candidate", _E, 1, 50, 0, "its ICE candidates", _DOC, 30),
-    TopicRule("telemetry", "telemetry", _E, 1, 0, 0, "what happened; its periodic types are below"),
-    TopicRule("event", "event", _E, 1, 20, 0, "something that happened, for workflows", _DOC, 0, 256 * _K),
+    TopicRule("telemetry", "telemetry", _E, 1, 0, 0, "events of a robot; its periodic types are below"),
+    TopicRule("event", "event", _E, 1, 20, 0, "events, for workflows", _DOC, 0, 256 * _K),
     TopicRule("map_update", "map_update", _E, 1, 1, 0, "a piece of a map", _DOC, 60, 4 * _M),
     TopicRule("driverlog", "driverlog", _E, 1, 10, 0, "log lines"),
     TopicRule(
@@ -159,21 +159,21 @@ _TABLE = (
         sensors=True,
     ),
     TopicRule("pong:response", "", _L, 0, 0, 0, "the answer to a ping at one of our twins", _SAID),
-    TopicRule("ping:request", "", _L, 0, 0.1, 0, "asks how long the way to the cloud and back is", _SAID),
+    TopicRule("ping:request", "", _L, 0, 0.1, 0, "measures the round trip to the cloud", _SAID),
     TopicRule("edge_health", "", _L, 0, 0.2, 0, "the edge's heartbeat for a twin", _SAID),
     TopicRule("flight_controller", "flight_controller", _L, 0, 5, 0.2, "the autopilot's state"),
-    TopicRule("flight_state", "flight_state", _L, 0, 2, 1, "whether an aircraft flies"),
+    TopicRule("flight_state", "flight_state", _L, 0, 2, 1, "whether an aircraft is in the air"),
     TopicRule("battery/status", "battery", _L, 0, 1, 0.1, "the main battery"),
     TopicRule("gps", "gps", _L, 0, 2, 0, "a satellite fix", sensors=True),
     TopicRule("metrics", "metrics", _L, 0, 1, 0, "power, navigation, errors and other categories"),
-    TopicRule("position", "position", _L, 0, 20, 1, "where the robot is"),
-    TopicRule("rotation", "position", _L, 0, 20, 1, "how the robot is turned"),
-    TopicRule("scale", "scale", _L, 0, 2, 1, "how large the twin is drawn"),
+    TopicRule("position", "position", _L, 0, 20, 1, "position of the robot"),
+    TopicRule("rotation", "position", _L, 0, 20, 1, "rotation of the robot"),
+    TopicRule("scale", "scale", _L, 0, 2, 1, "scale of the drawn twin"),
     TopicRule(JOINT_UPDATE, "joint_states", _L, 0, 20, 1, "measured joints"),
     TopicRule("joint_states", "joint_states", _L, 0, 20, 1, "measured joints, the older topic", on=False),
-    TopicRule("camera/photo", "photo", _L, 0, 0, 0, "the newest picture that was asked for", size=8 * _M),
-    TopicRule("model_output", "model_output", _L, 0, 10, 0, "what a local model found", _DOC, 0, 256 * _K),
-    TopicRule("model_health", "model_health", _L, 0, 1, 0, "how a local model is", _DOC),
+    TopicRule("camera/photo", "photo", _L, 0, 0, 0, "the newest requested picture", size=8 * _M),
+    TopicRule("model_output", "model_output", _L, 0, 10, 0, "results of a local model", _DOC, 0, 256 * _K),
+    TopicRule("model_health", "model_health", _L, 0, 1, 0, "health of a local model", _DOC),
     TopicRule("imu", "imu", _X, 0, 10, 0, "body rates and accelerations", sensors=True),
     TopicRule("pointcloud", "pointcloud", _X, 0, 2, 0, "points around the robot", size=8 * _M, sensors=True),
     TopicRule("depth", "depth", _X, 0, 5, 0, "a depth image", size=8 * _M, sensors=True),
@@ -193,8 +193,8 @@ _INWARD_TABLE = (
     InboundRule("command", Recipient.COMMAND, 1, "commands, and velocities by verb"),
     InboundRule("navigate/command", Recipient.NAVIGATE, 1, "goals, and controls of the running action"),
     InboundRule("motion/command", Recipient.MOTION, 0, "a signed velocity"),
-    InboundRule(JOINT_UPDATE, Recipient.JOINTS, 0, "joint targets, and where a leader's joints are"),
-    InboundRule("mission/command", Recipient.MISSION, 1, "missions, and controls of the one that is flown"),
+    InboundRule(JOINT_UPDATE, Recipient.JOINTS, 0, "joint targets, and the measured joints of a leader"),
+    InboundRule("mission/command", Recipient.MISSION, 1, "missions, and controls of the running one"),
     InboundRule(
         "webrtc-offer",
         _BUS,
@@ -208,22 +208,18 @@ _INWARD_TABLE = (
     InboundRule("webrtc-candidate", _BUS, 1, "ICE candidates for it", "cloud/webrtc_candidate", 50, 64 * _K),
     InboundRule("alert", _BUS, 1, "an alert that was raised or changed", "alert", 20, 64 * _K),
     InboundRule("commands/sync_workflows", _BUS, 1, "for local workers", "commands_sync_workflows", 5, _M),
-    InboundRule("position", _BUS, 1, "where the editor puts the twin", "cloud/position", 20, 4 * _K),
-    InboundRule("rotation", _BUS, 1, "how the editor turns it", "cloud/rotation", 20, 4 * _K),
-    InboundRule("scale", _BUS, 1, "how large the editor draws it", "cloud/scale", 20, 4 * _K),
-    InboundRule(
-        "edge_health", Recipient.EDGE, 0, "another edge that says that the twin is its own", size=64 * _K
-    ),
-    InboundRule(
-        "ping:request", Recipient.EDGE, 0, "somebody asks whether the twin's edge is there", size=4 * _K
-    ),
+    InboundRule("position", _BUS, 1, "position of the twin, set in the editor", "cloud/position", 20, 4 * _K),
+    InboundRule("rotation", _BUS, 1, "rotation of the twin, set in the editor", "cloud/rotation", 20, 4 * _K),
+    InboundRule("scale", _BUS, 1, "scale of the twin, set in the editor", "cloud/scale", 20, 4 * _K),
+    InboundRule("edge_health", Recipient.EDGE, 0, "claim of another edge to the twin", size=64 * _K),
+    InboundRule("ping:request", Recipient.EDGE, 0, "asks whether the twin's edge is online", size=4 * _K),
     InboundRule("pong:response", Recipient.EDGE, 0, "the cloud's answer to our ping", size=4 * _K),
     InboundRule(ENVIRONMENT, _BUS, 1, "an update of an environment", "cloud", 20, _M),
     InboundRule(
         "workflow-run:status",
         _BUS,
         1,
-        "how a workflow's run is",
+        "status of a workflow run",
         "cloud/workflow_run",
         20,
         64 * _K,
@@ -234,11 +230,11 @@ _INWARD_TABLE = (
 INWARD: Mapping[str, InboundRule] = MappingProxyType({rule.suffix: rule for rule in _INWARD_TABLE})
 
 NOT_OF_A_TWIN = frozenset({ENVIRONMENT, "workflow-run:status"})
-"""Topics whose uuid is not that of a twin; environments are named in fleet.yaml, runs are any."""
+"""Topics whose uuid is not that of a twin. Environments are named in fleet.yaml; runs can be any."""
 
 
 def rule_of(suffix: str) -> TopicRule | None:
-    """Return the rule of a suffix that this project sends, None for any other."""
+    """Return the rule of an outbound suffix, None for any other suffix."""
     if suffix.startswith("command/") and suffix.endswith("/response"):
         return RULES[REPLY_INBOX]
     if suffix.startswith("environment:"):

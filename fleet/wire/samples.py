@@ -1,7 +1,7 @@
-"""Samples on the bus: Cyberwave's header, and what stands behind it.
+"""Framing of bus samples: Cyberwave's header, then the payload.
 
 A sample is: u32 length of the header (16 + JSON), f64 Unix seconds, i64 sequence per channel, header JSON
-(all little-endian), payload. A plain JSON object without a header is read too, as the SDK does.
+(all little-endian), payload. A plain JSON object without a header is accepted too, as the SDK does.
 """
 
 from __future__ import annotations
@@ -27,14 +27,14 @@ _JSON_START = _FIXED.size + len(_JSON_HEADER)
 
 
 def json_sample(payload: bytes, *, stamp: float, sequence: int) -> bytes:
-    """Return JSON behind its header; ``stamp`` in Unix seconds."""
+    """Return a JSON payload with its header; ``stamp`` in Unix seconds."""
     return b"".join((_FIXED.pack(_JSON_LENGTH, stamp, sequence), _JSON_HEADER, payload))
 
 
 def array_sample(
     payload: bytes, *, stamp: float, sequence: int, shape: tuple[int, ...], dtype: str, sensor: str = ""
 ) -> bytes:
-    """Return the bytes of an array behind its header, as the SDK writes those of numpy."""
+    """Return the bytes of an array with its header, in the form that the SDK writes numpy arrays."""
     header: dict[str, object] = {"content_type": ARRAY_TYPE, "shape": shape, "dtype": dtype}
     if sensor:
         header["sensor_id"] = sensor
@@ -44,9 +44,9 @@ def array_sample(
 
 
 def json_payload(sample: bytes) -> bytes:
-    """Return the JSON in a sample: behind the header, or the whole of it when it has none.
+    """Return the JSON payload of a sample: the part after the header, or all of it without a header.
 
-    Raises WireError when it is neither, or when the header says that it is something else.
+    Raises WireError when it is neither, or when the header declares another content type.
     """
     if len(sample) >= _JSON_START and sample[_FIXED.size : _JSON_START] == _JSON_HEADER:
         return sample[_JSON_START:]
@@ -62,7 +62,7 @@ def json_payload(sample: bytes) -> bytes:
 
 
 def stamp_of_header(sample: bytes) -> float | None:
-    """Return the Unix seconds in a sample's header, None when it has no header."""
+    """Return the stamp (Unix seconds) in a sample's header, None without a header."""
     if _header_end(sample) is None:
         return None
     stamp: float = _FIXED.unpack_from(sample)[1]
@@ -70,7 +70,7 @@ def stamp_of_header(sample: bytes) -> float | None:
 
 
 def array_parts(sample: bytes) -> tuple[Mapping[str, Any], float, bytes]:
-    """Return header, Unix seconds and bytes of an array; raises WireError for any other sample."""
+    """Return header, stamp (Unix seconds) and bytes of an array; raises WireError for any other sample."""
     end = _header_end(sample)
     if end is None:
         raise WireError("an array with Cyberwave's header is needed")
@@ -81,7 +81,7 @@ def array_parts(sample: bytes) -> tuple[Mapping[str, Any], float, bytes]:
 
 
 def _header_end(sample: bytes) -> int | None:
-    """Return where the header ends, None when the bytes cannot begin with one."""
+    """Return the offset of the header's end, None when the bytes cannot start with a header."""
     if len(sample) < _FIXED.size:
         return None
     length: int = _FIXED.unpack_from(sample)[0]

@@ -1,7 +1,7 @@
-"""Fields of a message that nobody reads: a misspelt one is refused, so that nothing moves unasked.
+"""Detection of misspelt fields: a message with one is refused, because it would move the robot differently.
 
-Where all fields are known (a command's data) an unknown one is refused. Where a message may carry fields of
-other programs (its top level), one is refused that looks like a field which would have been read.
+Where all fields are known (a command's data), any unknown field is refused. Where a message may carry fields
+of other programs (its top level), an unknown field is refused if it resembles a known one.
 """
 
 from __future__ import annotations
@@ -12,14 +12,14 @@ from collections.abc import Mapping
 from fleet.errors import WireError
 from fleet.wire.strict import path
 
-ALIKE = 0.8  # of difflib's ratio, from which a long word looks like another: max_speed, max_speed_ms
-SHORT = 5  # letters up to which a word looks like another only by one slip: "date" is not "data"
-MOST_FOREIGN = 64  # fields of other programs in one message; to compare more takes too long
-LONGEST = 40  # characters of a field that may be a misspelt one
+ALIKE = 0.8  # difflib ratio from which two long words count as similar: max_speed, max_speed_ms
+SHORT = 5  # letters; shorter words are similar only with a single slip: "date" is not "data"
+MOST_FOREIGN = 64  # fields of other programs in one message; comparing more would take too long
+LONGEST = 40  # characters; longer names are not compared
 
 
 def refuse_unknown(members: Mapping[str, object], known: frozenset[str], where: str = "") -> None:
-    """Raise WireError for a field that is not ``known``, with the one that was perhaps meant."""
+    """Raise WireError for a field that is not ``known``, with the nearest known one as a hint."""
     if members.keys() <= known:
         return
     name = next(name for name in members if name not in known)
@@ -29,7 +29,7 @@ def refuse_unknown(members: Mapping[str, object], known: frozenset[str], where: 
 
 
 def refuse_misspelt(members: Mapping[str, object], read: frozenset[str], where: str = "") -> None:
-    """Raise WireError for a field that is not ``read`` but looks like one that is."""
+    """Raise WireError for a field that is not ``read`` but resembles one that is."""
     foreign = [name for name in members if name not in read]
     if len(foreign) > MOST_FOREIGN:
         raise WireError(f"more than {MOST_FOREIGN} fields are not known", where=where or "message")
@@ -40,7 +40,7 @@ def refuse_misspelt(members: Mapping[str, object], read: frozenset[str], where: 
 
 
 def _near(name: str, known: frozenset[str]) -> str:
-    """Return the field that a name looks like, empty when none."""
+    """Return the known field that a name resembles, empty when none."""
     if len(name) > LONGEST:
         return ""
     name = name.lower()
@@ -50,7 +50,7 @@ def _near(name: str, known: frozenset[str]) -> str:
 
 
 def _is_slip(name: str, word: str) -> bool:
-    """Return True when a letter was left out or put in, two were swapped, or the case is another."""
+    """Return True when the names differ by one letter more or less, or by two swapped letters."""
     if len(word) < 3 or abs(len(name) - len(word)) > 1:
         return False
     at = next(

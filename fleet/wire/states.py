@@ -1,6 +1,6 @@
-"""The states that robots report most often, as typed messages.
+"""Typed messages for the most frequent reports.
 
-They cost half of what the same messages cost as dicts, and are nearly all that an edge says.
+They cost half as much as the same messages as dicts, and are nearly all of an edge's traffic.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ NUDGED, NUDGED_TURN = Vector3(x=NUDGE), Quaternion(z=NUDGE)
 
 
 class Stamped(msgspec.Struct, gc=False):
-    """What every message carries, in the order in which it is given."""
+    """Fields that every message carries, in the order in which they are encoded."""
 
     source_type: str
     timestamp: float
@@ -45,7 +45,7 @@ class Rotation(Stamped, gc=False, tag_field="type", tag="rotation"):
 
 
 class JointsMessage(Stamped, gc=False):
-    """The aggregated form of joints, the only one in which no other field can pass for a joint."""
+    """Joints in the aggregated form, the only one in which no other field can be mistaken for a joint."""
 
     positions: Mapping[str, float]
     velocities: Mapping[str, float] | UnsetType = UNSET
@@ -63,7 +63,7 @@ State = Position | Rotation | JointsMessage | ImuMessage
 
 
 def _pose(report: PoseReport, by: MessageSource) -> list[tuple[str, State]]:
-    """Make the messages of the two topics that a pose has."""
+    """Return the messages for the two topics of a pose."""
     position = NUDGED if report.position == ORIGIN else report.position
     rotation = NUDGED_TURN if report.rotation == UNTURNED else report.rotation
     place = Position(by.source_type, report.stamp, by.session_id, by.sensor_id, position)
@@ -74,7 +74,7 @@ def _pose(report: PoseReport, by: MessageSource) -> list[tuple[str, State]]:
 
 
 def _joints(report: JointReport, by: MessageSource) -> Sequence[tuple[str, State | dict[str, object]]]:
-    """Make one message for two topics; nothing without a joint. Other layouts have messages of their own."""
+    """Return one message for two topics; none without joints. Other layouts have messages of their own."""
     if not report.positions:
         return []
     if by.layout or report.tags is not None:
@@ -88,7 +88,7 @@ def _joints(report: JointReport, by: MessageSource) -> Sequence[tuple[str, State
 
 
 def _imu(report: ImuReport, by: MessageSource) -> list[tuple[str, State]]:
-    """Make the one message of what an IMU measured."""
+    """Return the message of an IMU report."""
     message = ImuMessage(by.source_type, report.stamp, by.session_id, by.sensor_id, report.gyro, report.accel)
     return [("imu", message)]
 
@@ -100,4 +100,4 @@ STATES: Mapping[
     JointReport: _joints,
     ImuReport: _imu,
 }
-"""By kind of report, what makes its messages: (suffix of the twin's topic, message)."""
+"""By type of report, the function that returns its messages: (suffix of the twin's topic, message)."""

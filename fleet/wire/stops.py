@@ -1,7 +1,8 @@
-"""Which messages are stops, however badly they are written.
+"""Recognition of stops, also in malformed messages.
 
-A stop is never refused for its form. The decoders read what is right; here is what they refuse: a message
-that still names a stop is one. Of a message beyond its size limit nothing is read: where it came decides.
+A stop is never refused because of its form. The decoders read well-formed messages; a message that they
+refuse is searched here, and is a stop if it names one. A message beyond its size limit is not read: its topic
+decides.
 """
 
 from __future__ import annotations
@@ -17,17 +18,18 @@ from fleet.wire.rules import Kind
 
 EMERGENCY = "emergency_stop"
 STOP_WORDS = frozenset({"stop", EMERGENCY, "hover", "brake"})
-"""Commands that can only end motion: obeyed from anyone, at any age, past every lock."""
+"""Commands that can only end motion: obeyed from any sender, at any age, whoever has control."""
 UNREAD: Mapping[Kind, str] = MappingProxyType({"command": EMERGENCY, "navigate": "stop", "mission": "stop"})
-"""What a message means that is too large to be read, where stops come; elsewhere it is refused."""
+"""Meaning of a message that is too large to read, by kind of request; other kinds are refused."""
 
 _FIELDS = ("command", "type")
 _PLAIN = {word.replace("_", ""): word for word in STOP_WORDS} | {"estop": EMERGENCY}
-_ENDS_A_TASK = {"cancel": "stop"}  # on the topics of goals and missions alone
+_ENDS_A_TASK = {"cancel": "stop"}  # only on the topics of goals and missions
 _STREAMS = frozenset({"velocity_command", "locomotion_velocity"})
 _EDGES = frozenset({"edge", "edge_leader", "edge_follower", "sim"})
 _LONGEST = 64  # characters of a name
 _BETWEEN = re.compile(r"[\W_]+")
+# JSON escapes of ASCII letters, in a text that is not valid JSON.
 _ESCAPED = re.compile(r"\\u00([0-7][0-9a-fA-F])")
 _WORDS = r"e[\W_]{0,2}stop|emergency[\W_]{0,4}stop|stop|hover|brake"
 _NAMED = re.compile(rf"(?:command|type)\W{{0,16}}({_WORDS})(?![a-z0-9_])", re.IGNORECASE)
@@ -36,7 +38,7 @@ _NAMED_OR_CANCEL = re.compile(rf"(?:command|type)\W{{0,16}}({_WORDS}|cancel)(?![
 
 @functools.lru_cache(maxsize=256)
 def _meant(name: str) -> str:
-    """Return the stop that a name means, whatever its case, its blanks and its hyphens."""
+    """Return the stop that a name means, ignoring case, white space and punctuation; empty for no stop."""
     plain = _BETWEEN.sub("", unicodedata.normalize("NFKC", name)).casefold()
     return _PLAIN.get(plain, "")
 
@@ -47,7 +49,7 @@ def stop_word(name: object) -> str:
 
 
 def releases(name: object, data: object) -> bool:
-    """Return True for an ``estop`` that is to be released: only a literal false does it."""
+    """Return True for an ``estop`` that releases: only ``activate: false``, the literal, does."""
     return name == "estop" and isinstance(data, dict) and data.get("activate") is False
 
 
@@ -64,8 +66,8 @@ def stop_named(message: Mapping[str, object]) -> str:
 def is_reply(message: Mapping[str, object]) -> bool:
     """Return True for an answer that strayed onto a topic on which robots are asked: it has a ``status``.
 
-    A stop that has one is a stop all the same, unless an edge says it, or nobody says who does: so answers
-    to a stop look.
+    A stop with a ``status`` is still a stop, unless its sender is an edge or unknown: a reply to a stop looks
+    the same.
     """
     if "status" not in message:
         return False
@@ -77,8 +79,8 @@ def is_reply(message: Mapping[str, object]) -> bool:
 def stop_in(payload: bytes, kind: Kind = "command") -> str:
     """Return the stop in a message that its decoder refused; empty when it names none. Never raises.
 
-    JSON is read as kindly as can be, and what is none is searched for the name, in any encoding that has
-    the letters of ASCII in it.
+    JSON is parsed leniently; a text that is not JSON is searched for the name, in any encoding that contains
+    the ASCII letters.
     """
     text = payload.replace(b"\0", b"").decode(errors="replace").lstrip("\ufeff\ufffd")
     tasks = kind in ("navigate", "mission")
@@ -90,7 +92,7 @@ def stop_in(payload: bytes, kind: Kind = "command") -> str:
 
 
 def _members(pairs: list[tuple[str, object]]) -> dict[str, object]:
-    """Make an object of its members; of two values for one key a stop counts, else the last."""
+    """Build an object; of two values for one key a stop wins, else the last one."""
     members: dict[str, object] = {}
     for name, value in pairs:
         if not stop_word(members.get(name)):
@@ -99,7 +101,7 @@ def _members(pairs: list[tuple[str, object]]) -> dict[str, object]:
 
 
 def _of_value(value: object, *, tasks: bool) -> str:
-    """Return the stop that a JSON value is, or holds at its top."""
+    """Return the stop that a JSON value is, or contains at its top level."""
     if isinstance(value, dict):
         return stop_named(value) or _ended(value, tasks=tasks)
     if isinstance(value, list):
@@ -108,7 +110,7 @@ def _of_value(value: object, *, tasks: bool) -> str:
 
 
 def _ended(message: Mapping[str, object], *, tasks: bool) -> str:
-    """Return ``stop`` for a velocity of no duration, and for what ends a task; else nothing."""
+    """Return ``stop`` for a velocity of duration 0 and for a command that ends a task; else empty."""
     name = message.get("command")
     if not isinstance(name, str):
         return ""
@@ -120,12 +122,12 @@ def _ended(message: Mapping[str, object], *, tasks: bool) -> str:
 
 
 def _is_zero(value: object) -> bool:
-    """Return True for a number that is nought."""
+    """Return True for the number 0; booleans are no numbers."""
     return isinstance(value, int | float) and not isinstance(value, bool) and value == 0
 
 
 def _searched(text: str, *, tasks: bool) -> str:
-    """Return the stop that a text names, which is no JSON; it may be cut short."""
+    """Return the stop named in a text that is not JSON and may be truncated; empty for no stop."""
     text = _ESCAPED.sub(lambda found: chr(int(found[1], 16)), text)
     whole = stop_word(text)
     found = None if whole else (_NAMED_OR_CANCEL if tasks else _NAMED).search(text)

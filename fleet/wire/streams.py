@@ -1,7 +1,8 @@
-"""The streams that a program on the bus sends by itself, for ``edge_health.streams`` (contract 9.2).
+"""States of streams that bus programs send to the cloud, for ``edge_health.streams`` (contract 9.2).
 
-A program that sends video, sound or scans tells each of its streams on ``cw/{twin}/data/streams/{id}``, as
-JSON with or without Cyberwave's header, at least every ``LIFETIME`` seconds; the published SDK can do so.
+A program that sends video, sound or scans publishes the state of each stream on
+``cw/{twin}/data/streams/{id}``, as JSON with or without Cyberwave's header, at least every ``LIFETIME``
+seconds; the published SDK can do so.
 """
 
 from __future__ import annotations
@@ -15,7 +16,7 @@ from fleet.runtime.decoding import json_decoder
 from fleet.wire.samples import json_payload
 
 CHANNEL = "streams"
-LIFETIME = 10.0  # s after which a stream that is not told any more is gone
+LIFETIME = 10.0  # s without a state after which a stream counts as ended
 STALE = 60.0  # s without a frame, as in the SDK
 LARGEST = 4096  # bytes of a sample
 
@@ -24,10 +25,10 @@ _Amount = Annotated[float, msgspec.Meta(ge=0)]
 
 
 class StreamState(msgspec.Struct, frozen=True):
-    """One stream, as its program tells it.
+    """State of one stream, published by its program.
 
-    ``last_frame_ts`` is Unix seconds, None before the first frame; ``fps`` frames a second now,
-    ``stream_config`` what it is: ``kind`` camera, audio, lidar or imu, and that kind's own fields.
+    ``last_frame_ts`` is Unix seconds, None before the first frame; ``fps`` the current frames a second;
+    ``stream_config`` its description: ``kind`` (camera, audio, lidar or imu) and the fields of that kind.
     """
 
     connection_state: Literal["connecting", "connected", "disconnected"]
@@ -45,7 +46,7 @@ _STREAM: msgspec.json.Decoder[StreamState] = json_decoder(StreamState)
 
 
 def read_stream(sample: bytes) -> StreamState | None:
-    """Return what a sample tells of a stream, None for an empty one: it has ended. Raises WireError."""
+    """Decode the state of a stream; None for an empty sample, which ends the stream. Raises WireError."""
     if not sample:
         return None
     if len(sample) > LARGEST:
@@ -59,7 +60,7 @@ def read_stream(sample: bytes) -> StreamState | None:
 def health_of(name: str, stream: StreamState, *, now: float) -> dict[str, object]:
     """Return a stream's entry in ``edge_health``, the SDK's fields in its order; ``now`` in Unix seconds.
 
-    It is stale without a frame for ``STALE`` seconds, and healthy while it is connected and not stale.
+    A stream is stale after ``STALE`` seconds without a frame, and healthy while connected and not stale.
     """
     silent = stream.uptime_seconds if stream.last_frame_ts is None else now - stream.last_frame_ts
     is_stale = silent > STALE

@@ -1,4 +1,4 @@
-"""JSON from outside, read strictly: what is ambiguous or cannot be a measure of anything is refused.
+"""Strict JSON parser for untrusted input: ambiguous texts and impossible numbers are refused.
 
 The standard parser takes NaN, 1e999, two values for one key and "5" or true as numbers; each of these
 has made a robot move. A refusal is a ``WireError`` with the dotted path of the field.
@@ -13,11 +13,11 @@ from typing import NoReturn
 
 from fleet.errors import WireError
 
-LARGEST_INTEGER = 2**63 - 1  # what every reader of JSON can hold
+LARGEST_INTEGER = 2**63 - 1  # the largest integer that JSON readers can be expected to hold
 
 
 def _unique(pairs: list[tuple[str, object]]) -> dict[str, object]:
-    """Make an object of its members; refuse a key that stands twice."""
+    """Build an object; refuse a duplicate key."""
     members = dict(pairs)
     if len(members) != len(pairs):
         keys = [key for key, _ in pairs]
@@ -27,12 +27,12 @@ def _unique(pairs: list[tuple[str, object]]) -> dict[str, object]:
 
 
 def _constant(name: str) -> NoReturn:
-    """Refuse NaN and the infinities, which are no JSON."""
+    """Refuse NaN and the infinities, which are not JSON."""
     raise WireError(f"{name} is not a number")
 
 
 def _fraction(text: str) -> float:
-    """Read a number with a point or an exponent; refuse what overflows to infinity."""
+    """Parse a number with a point or an exponent; refuse one that overflows to infinity."""
     value = float(text)
     if math.isinf(value):
         raise WireError(f"the number {text[:20]} is too large")
@@ -40,7 +40,7 @@ def _fraction(text: str) -> float:
 
 
 def _integer(text: str) -> int:
-    """Read a whole number; refuse what does not fit 64 bits."""
+    """Parse a whole number; refuse one that does not fit into 64 bits."""
     if len(text) > 20 or abs(value := int(text)) > LARGEST_INTEGER:
         raise WireError(f"the number {text[:20]} is too large")
     return value
@@ -52,10 +52,10 @@ _DECODER = json.JSONDecoder(
 
 
 def parse_json(payload: bytes, *, limit: int = 1 << 20, depth: int = 32) -> object:
-    """Return the value of a JSON text of at most ``limit`` bytes and ``depth`` nested containers.
+    """Parse a JSON text of at most ``limit`` bytes and ``depth`` nested containers.
 
     Raises WireError for everything else: not UTF-8, not JSON, NaN or infinity, a number beyond 64 bits,
-    a key twice, half a surrogate pair, anything after the value.
+    a duplicate key, half a surrogate pair, trailing data.
     """
     if len(payload) > limit:
         raise WireError(f"{len(payload)} bytes are more than the {limit} that are read")
@@ -75,7 +75,7 @@ def parse_json(payload: bytes, *, limit: int = 1 << 20, depth: int = 32) -> obje
 
 
 def _deeper(value: object, depth: int) -> bool:
-    """Return True when more than ``depth`` containers are nested in each other."""
+    """Return True when containers are nested deeper than ``depth``."""
     level = [value]
     for _ in range(depth + 1):
         containers = [node for node in level if isinstance(node, dict | list)]
@@ -88,7 +88,7 @@ def _deeper(value: object, depth: int) -> bool:
 
 
 def _refuse_half_characters(value: object) -> None:
-    """Refuse an escaped half of a surrogate pair, which no later encoder can write."""
+    """Refuse an escaped half of a surrogate pair, which cannot be encoded again."""
     try:
         json.dumps(value, ensure_ascii=False).encode()
     except UnicodeEncodeError:
@@ -96,7 +96,7 @@ def _refuse_half_characters(value: object) -> None:
 
 
 def parse_object(payload: bytes, *, limit: int = 1 << 20, depth: int = 32) -> dict[str, object]:
-    """Return the members of a JSON object; raises WireError like ``parse_json`` and for any other value."""
+    """Parse a JSON object; raises WireError like ``parse_json``, and for any other value."""
     value = parse_json(payload, limit=limit, depth=depth)
     if not isinstance(value, dict):
         raise WireError(f"a JSON object is needed, this is {kind(value)}")
@@ -104,9 +104,9 @@ def parse_object(payload: bytes, *, limit: int = 1 << 20, depth: int = 32) -> di
 
 
 def read_loosely(payload: bytes, name: str, *, limit: int = 1 << 20) -> str:
-    """Return a string at the top of an object that is refused, empty where there is none.
+    """Return a top-level string of an object that was refused, empty where there is none.
 
-    So a refusal can name what it is about, though a number of the message is none.
+    It lets the refusal name its command or action even though another field of the message is invalid.
     """
     try:
         value = json.loads(payload[:limit])
@@ -117,7 +117,7 @@ def read_loosely(payload: bytes, name: str, *, limit: int = 1 << 20) -> str:
 
 
 def kind(value: object) -> str:
-    """Return what a JSON value is, in words for an error."""
+    """Return the type of a JSON value, in words for an error."""
     names = {dict: "an object", list: "an array", str: "a string", bool: "a boolean", type(None): "null"}
     return names.get(type(value), "a number")
 
@@ -128,7 +128,7 @@ def path(where: str, name: str) -> str:
 
 
 def _member(members: Mapping[str, object], name: str, where: str) -> object:
-    """Return a member that must be there."""
+    """Return a required member; raises WireError when it is missing."""
     if name not in members:
         raise WireError("is missing", where=path(where, name))
     return members[name]
@@ -148,17 +148,17 @@ def finite(value: object, where: str) -> float:
 
 
 def number(members: Mapping[str, object], name: str, where: str = "") -> float:
-    """Return the number called ``name``; raises WireError when it is missing or not a finite number."""
+    """Return the number ``name``; raises WireError when it is missing or not a finite number."""
     return finite(_member(members, name, where), path(where, name))
 
 
 def optional_number(members: Mapping[str, object], name: str, where: str = "") -> float | None:
-    """Return the number called ``name``, None when there is none; null is refused like a string."""
+    """Return the optional number ``name``, None when it is missing; null is refused like a string."""
     return number(members, name, where) if name in members else None
 
 
 def whole(members: Mapping[str, object], name: str, where: str = "") -> int:
-    """Return the whole number called ``name``; 3.0 is one, as in JSON Schema."""
+    """Return the whole number ``name``; 3.0 is one, as in JSON Schema."""
     value = number(members, name, where)
     if value != int(value):
         raise WireError(f"a whole number is needed, this is {value}", where=path(where, name))
@@ -166,7 +166,7 @@ def whole(members: Mapping[str, object], name: str, where: str = "") -> int:
 
 
 def text(members: Mapping[str, object], name: str, where: str = "") -> str:
-    """Return the string called ``name``; raises WireError when it is missing or something else."""
+    """Return the string ``name``; raises WireError when it is missing or has another type."""
     value = _member(members, name, where)
     if not isinstance(value, str):
         raise WireError(f"a string is needed, this is {kind(value)}", where=path(where, name))
@@ -174,7 +174,7 @@ def text(members: Mapping[str, object], name: str, where: str = "") -> str:
 
 
 def child(members: Mapping[str, object], name: str, where: str = "") -> dict[str, object]:
-    """Return the object called ``name``; raises WireError when it is missing or something else."""
+    """Return the object ``name``; raises WireError when it is missing or has another type."""
     value = _member(members, name, where)
     if not isinstance(value, dict):
         raise WireError(f"an object is needed, this is {kind(value)}", where=path(where, name))
@@ -182,5 +182,5 @@ def child(members: Mapping[str, object], name: str, where: str = "") -> dict[str
 
 
 def without_nulls(members: Mapping[str, object]) -> dict[str, object]:
-    """Return the members that have a value, for messages whose senders write null for "not given"."""
+    """Return the members that are not null, for senders that write null for "not given"."""
     return {name: value for name, value in members.items() if value is not None}

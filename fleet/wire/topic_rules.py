@@ -1,4 +1,4 @@
-"""What fleet.yaml may say of topics: how often, how large, in which class, or not at all."""
+"""Config models for topic rules in fleet.yaml: rate, size, traffic class, on or off."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ _ANSWERED = frozenset({"ping:request", "pong:response"})
 
 
 def topic_name(suffix: str) -> str:
-    """Return how fleet.yaml calls a suffix: as the topic reads, without the uuid."""
+    """Return the name of a suffix in fleet.yaml: the topic without the uuid."""
     return suffix.replace(":", "/").removesuffix("/+")
 
 
@@ -54,7 +54,7 @@ _TOPIC = re.compile(r"[a-z][a-z0-9_-]*(?:/[a-z][a-z0-9_-]*)*")
 
 
 def _one_of(names: Mapping[str, str]) -> Callable[[str], str]:
-    """Return what refuses any other name than these, so that the nearest is hinted at."""
+    """Return a validator that accepts only these names; its error lets the nearest one be suggested."""
 
     def check(name: str) -> str:
         if name not in names:
@@ -66,7 +66,7 @@ def _one_of(names: Mapping[str, str]) -> Callable[[str], str]:
 
 
 def _free_channel(name: str) -> str:
-    """Refuse a channel that the bridge carries already, or that messages from the cloud are put on."""
+    """Refuse a channel that the bridge already uses, in either direction."""
     if not _CHANNEL.fullmatch(name):
         raise ValueError("a channel is lower-case letters, digits and _, beginning with a letter")
     if name in _TAKEN_CHANNELS:
@@ -75,7 +75,7 @@ def _free_channel(name: str) -> str:
 
 
 def _free_topic(name: str) -> str:
-    """Refuse a topic that the table has, that a robot is asked on, or that cannot be one."""
+    """Refuse a topic that is in the table, that carries requests to robots, or that is malformed."""
     if not _TOPIC.fullmatch(name):
         raise ValueError("a topic is words of lower-case letters, digits, - and _, separated by /")
     known = set(RULES) | set(INWARD) | set(SHAPES)
@@ -98,7 +98,7 @@ _Age = Annotated[float, Field(ge=0.1, le=86400 * 30)]
 
 
 class TopicConfig(Model):
-    """How one topic is sent to the cloud; what is left out stays as the profile has it."""
+    """How one topic is sent to the cloud; a field that is left out keeps the value of the profile."""
 
     on: bool | None = Field(None, description="Send it at all.")
     rate: _Rate | None = Field(None, description="Messages a second at most.")
@@ -115,13 +115,13 @@ class TopicConfig(Model):
     )
 
     def change(self) -> Change:
-        """Return it as the bridge's own."""
+        """Return the settings in the bridge's own form."""
         traffic = None if self.traffic is None else TrafficClass[self.traffic.upper()]
         return Change(self.on, self.rate, traffic, self.max_age, self.size, self.layout)
 
 
 class InboundConfig(Model):
-    """How one topic is taken from the cloud; what is left out stays as in docs/reference/topics.md."""
+    """How one topic is received from the cloud; an omitted field keeps its value in docs/reference/topics.md."""
 
     on: bool | None = Field(None, description="Subscribe to it at all.")
     rate: _Rate | None = Field(None, description="Messages a second at most; for what goes to the bus.")
@@ -131,12 +131,12 @@ class InboundConfig(Model):
     )
 
     def change(self) -> Change:
-        """Return it as the bridge's own."""
+        """Return the settings in the bridge's own form."""
         return Change(on=self.on, rate=self.rate, size=self.size)
 
 
 class ChannelConfig(Model):
-    """A bus channel that the table does not know, so that it crosses: JSON objects, passed on as they are."""
+    """A further bus channel to forward to the cloud: JSON objects, passed on unchanged."""
 
     topic: TopicName = Field(description="What stands behind the twin's uuid in the topic.")
     traffic: TrafficWord = Field("latest", description="Class: what becomes of it while the cloud is away.")
@@ -145,13 +145,13 @@ class ChannelConfig(Model):
     size: _Size = Field(65536, description="Largest payload in bytes.")
 
     def channel(self) -> Channel:
-        """Return it as the bridge's own."""
+        """Return the settings in the bridge's own form."""
         traffic = TrafficClass[self.traffic.upper()]
         return Channel(self.topic, traffic, self.rate, self.max_age or 0.0, self.size)
 
 
 class TopicsConfig(Model):
-    """What may be said of the topics, for all robots or for one."""
+    """Topic rules, for all robots or for one."""
 
     rules: dict[OutwardName, TopicConfig] = Field(
         {},
@@ -175,7 +175,7 @@ class TopicsConfig(Model):
         return self
 
     def changes(self) -> Changes:
-        """Return it as the bridge's own."""
+        """Return the settings in the bridge's own form."""
         return Changes(
             {OUTWARD_NAMES[name]: rule.change() for name, rule in self.rules.items()},
             {INWARD_NAMES[name]: rule.change() for name, rule in self.inbound.items()},

@@ -1,8 +1,8 @@
-"""MQTT topics and bus keys of a twin: made and taken apart in one place.
+"""MQTT topics and bus keys of a twin: built and parsed in one place.
 
 Topics are ``{prefix}cyberwave/twin/{twin}/{suffix}``. Those of other namespaces,
-``{prefix}cyberwave/{namespace}/{uuid}/{rest}``, go by the suffix ``namespace:rest``: ``joint:update``,
-``ping:request``, ``environment:update``. The prefix is put in front as it is, without a separator.
+``{prefix}cyberwave/{namespace}/{uuid}/{rest}``, have the suffix ``namespace:rest``: ``joint:update``,
+``ping:request``, ``environment:update``. The prefix is prepended as it is, without a separator.
 Bus keys are ``cw/{twin}/data/{channel}[/{sensor}]``.
 """
 
@@ -17,7 +17,7 @@ from fleet.errors import ConfigError, WireError
 
 JOINT_UPDATE = "joint:update"
 NAMESPACES = frozenset({"joint", "environment", "ping", "pong", "workflow-run"})
-"""What stands in a topic in the place of ``twin``."""
+"""Topic levels that can replace ``twin``."""
 
 _TWIN = re.compile(r"[0-9a-fA-F]{8}(?:-[0-9a-fA-F]{4}){3}-[0-9a-fA-F]{12}")
 _LEAF = re.compile(r"[^/+#\0\s:]+(?:/[^/+#\0\s:]+)*")
@@ -27,14 +27,14 @@ _SEGMENT = re.compile(r"[^/+#\0]+")
 
 
 class Topic(msgspec.Struct, frozen=True):
-    """A topic taken apart; ``twin`` is the uuid of whatever the namespace is about."""
+    """A parsed topic; ``twin`` is the uuid in it, in other namespaces not that of a twin."""
 
     twin: str
     suffix: str
 
 
 class DataKey(msgspec.Struct, frozen=True):
-    """A bus key taken apart; the channel ``commands/...`` has two segments, every other one."""
+    """A parsed bus key; the channels ``commands/...`` have two segments, all others have one."""
 
     twin: str
     channel: str
@@ -42,7 +42,7 @@ class DataKey(msgspec.Struct, frozen=True):
 
 
 def prefix_from(explicit: str | None, environ: Mapping[str, str]) -> str:
-    """Return the topic prefix: what is configured, else the first variable of the SDK that is set.
+    """Return the topic prefix: the configured one, else the first variable of the SDK that is set.
 
     The order is CYBERWAVE_MQTT_TOPIC_PREFIX, CYBERWAVE_TOPIC_PREFIX, then CYBERWAVE_ENVIRONMENT unless
     that is ``production``. An explicit empty string means no prefix.
@@ -57,14 +57,14 @@ def prefix_from(explicit: str | None, environ: Mapping[str, str]) -> str:
 
 
 def _checked_twin(twin: str) -> str:
-    """Return ``twin``; raises WireError unless it is a uuid, so that it can hold no wildcard."""
+    """Return ``twin``; raises WireError unless it is a uuid, which cannot hold a wildcard."""
     if not _TWIN.fullmatch(twin):
         raise WireError(f"{twin[:60]!a} is not the uuid of a twin")
     return twin
 
 
 class Topics:
-    """All topics under one prefix; raises ConfigError for a prefix that holds a wildcard or a space."""
+    """Topics under one prefix; raises ConfigError for a prefix with a wildcard or white space."""
 
     def __init__(self, prefix: str) -> None:
         if re.search(r"[+#\0\s]", prefix):
@@ -73,22 +73,22 @@ class Topics:
         self._root = f"{prefix}cyberwave/"
 
     def twin(self, twin_uuid: str, suffix: str) -> str:
-        """Return the topic of a suffix in any namespace; raises WireError for a wildcard in either."""
+        """Return the topic of a suffix, in any namespace; raises WireError for a wildcard in either."""
         namespace, rest = _split(suffix)
         if not _LEAF.fullmatch(rest):
             raise WireError(f"{suffix[:60]!a} cannot be a topic")
         return f"{self._root}{namespace}/{_checked_twin(twin_uuid)}/{rest}"
 
     def joint(self, twin_uuid: str) -> str:
-        """Return the topic on which the joints of a twin are told and commanded."""
+        """Return the topic on which the joints of a twin are reported and commanded."""
         return self.twin(twin_uuid, JOINT_UPDATE)
 
     def edge(self, edge_id: str) -> str:
-        """Return the topic on which an edge says how it is, beside that of its commands in the contract."""
+        """Return the topic of an edge's health; the contract has its commands beside it."""
         return f"{self.prefix}edges/{edge_id}/health"
 
     def filter(self, suffix: str, twin_uuid: str | None = None) -> str:
-        """Return what to subscribe to for a suffix of our own, of one twin or of whatever there is.
+        """Return the topic filter for one of this project's suffixes, for one twin or for all.
 
         The suffix may end in ``+``, for one level.
         """
@@ -97,7 +97,7 @@ class Topics:
         return f"{self._root}{namespace}/{place}/{rest}"
 
     def parse(self, topic: str) -> Topic | None:
-        """Take a topic apart; None for another prefix, another namespace, or a malformed one."""
+        """Parse a topic; None for another prefix, an unknown namespace, or a malformed topic."""
         if not topic.startswith(self._root):
             return None
         namespace, _, tail = topic[len(self._root) :].partition("/")
@@ -109,10 +109,10 @@ class Topics:
         return Topic(twin, f"{namespace}:{rest}") if namespace in NAMESPACES else None
 
     def is_own_inbox(self, response_topic: str, twin_uuid: str) -> bool:
-        """Return True when a Response Topic is a reply inbox of that very twin.
+        """Return True when a Response Topic is a reply inbox of this twin.
 
-        That is ``command/{client_id}/response`` with one client id; a request must not be able to make
-        the edge publish anywhere else.
+        That is ``command/{client_id}/response`` with one client id. A request must not be able to make the
+        edge publish anywhere else.
         """
         head, tail = f"{self.twin(twin_uuid, 'command')}/", "/response"
         if not (response_topic.startswith(head) and response_topic.endswith(tail)):
@@ -121,13 +121,13 @@ class Topics:
 
 
 def _split(suffix: str) -> tuple[str, str]:
-    """Return the namespace of a suffix, and what stands behind the uuid."""
+    """Return the namespace of a suffix, and the part of the topic after the uuid."""
     namespace, colon, rest = suffix.partition(":")
     return (namespace, rest) if colon and namespace in NAMESPACES else ("twin", suffix)
 
 
 def data_key(twin: str, channel: str, sensor: str | None = None) -> str:
-    """Return the bus key of a channel; raises WireError for a name that the SDK would not parse."""
+    """Return the bus key of a channel; raises WireError for a name that the SDK could not parse."""
     if not _CHANNEL.fullmatch(channel):
         raise WireError(f"{channel[:60]!a} is not a channel")
     if sensor is None:
@@ -138,7 +138,7 @@ def data_key(twin: str, channel: str, sensor: str | None = None) -> str:
 
 
 def parse_data_key(key: str) -> DataKey | None:
-    """Take a bus key apart; None when it is none."""
+    """Parse a bus key; None for any other key."""
     segments = key.split("/")
     if not 4 <= len(segments) <= 5 or segments[0] != "cw" or segments[2] != "data":
         return None

@@ -1,4 +1,4 @@
-"""Cyberwave's velocity contracts, checked by the published models, as a velocity and a lease."""
+"""Decoder of Cyberwave's velocity contracts, validated by the published models, to velocity and lease."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from fleet.model.geometry import ZERO_VELOCITY, Vector3, Velocity
 from fleet.wire.spelling import refuse_misspelt
 from fleet.wire.strict import path
 
-SHORTEST_LEASE = 0.15  # s, as the SDK clamps it
+SHORTEST_LEASE = 0.15  # s, the minimum to which the SDK clamps it
 LONGEST_LEASE = 5.0  # s
 
 Contract = AerialVelocityCommandV1 | LocomotionVelocityCommandV1
@@ -29,8 +29,8 @@ _CONTRACTS: Mapping[str, type[Contract]] = MappingProxyType(
 def read_velocity_contract(body: Mapping[str, object], *, where: str) -> tuple[Velocity, float]:
     """Return the velocity (body frame, signed) and its lease in seconds; a lease of 0.0 means stop.
 
-    A duration of 0 ms and the gait ``stand`` mean stop; any other duration is held between 0.15 and
-    5 s; the gaits ``walk`` and ``trot`` are passed on. Raises WireError for what the contract does not allow.
+    A duration of 0 ms and the gait ``stand`` mean stop; any other duration is clamped to 0.15 to 5 s;
+    the gaits ``walk`` and ``trot`` are kept. Raises WireError for a violation of the contract.
     """
     contract = body.get("contract")
     model = _CONTRACTS.get(contract) if isinstance(contract, str) else None

@@ -1,7 +1,7 @@
-"""``start_video`` and ``stop_video``: what the program that sends a robot's video is asked, and its answer.
+"""Messages of ``start_video`` and ``stop_video``, between the edge and the program that sends the video.
 
-The edge asks on the bus (``fleet.bus.keys.video``), the program answers, and the cloud is told on
-``T {command}/status``, as the SDK's drivers tell it.
+The edge sends a query on the bus (``fleet.bus.keys.video``), the program replies, and the edge publishes the
+result on ``T {command}/status``, as the SDK's drivers do.
 """
 
 from __future__ import annotations
@@ -22,48 +22,48 @@ T = TypeVar("T")
 VIDEO_TYPES: Mapping[str, str] = MappingProxyType(
     {"start_video": "video_started", "stop_video": "video_stopped"}
 )
-"""The ``type`` of each command's status."""
+"""The ``type`` of the status message of each command."""
 
 
 class VideoRequest(msgspec.Struct, frozen=True):
-    """What the program is asked.
+    """Request to the video program.
 
-    ``data`` is the command's: ``recording``, and ``sensor`` or ``sensor_id`` where one camera is meant.
+    ``data`` is that of the command: ``recording``, and ``sensor`` or ``sensor_id`` to select one camera.
     """
 
     command: Literal["start_video", "stop_video"]
     data: dict[str, Any] = {}
 
     def is_for(self, sensor: str) -> bool:
-        """Return False when another sensor is named."""
+        """Return False when the request names another sensor."""
         named = self.data.get("sensor") or self.data.get("sensor_id") or sensor
         return bool(named == sensor)
 
     @property
     def recording(self) -> bool:
-        """Whether the cloud is to record it; it is unless the command says otherwise."""
+        """Whether the cloud is to record the video; the default is yes."""
         return self.data.get("recording") is not False
 
 
 class VideoReply(msgspec.Struct, frozen=True, omit_defaults=True):
-    """What the program answers: whether it did it, else why not."""
+    """Reply of the video program: success, else the reason."""
 
     ok: bool
     reason: str = ""
 
 
 def video_request(command: Command) -> bytes:
-    """Return what to ask the program."""
+    """Encode a request to the video program."""
     return encode_finite({"command": command.name, "data": dict(command.data)})
 
 
 def read_video_request(payload: bytes) -> VideoRequest:
-    """Return what is asked; raises WireError."""
+    """Decode a request; raises WireError."""
     return _read(payload, VideoRequest)
 
 
 def read_video_reply(payload: bytes) -> VideoReply:
-    """Return what the program answered; raises WireError."""
+    """Decode the program's reply; raises WireError."""
     return _read(payload, VideoReply)
 
 
@@ -79,7 +79,7 @@ def video_status(reply: Reply, *, stamp: float, source_type: str) -> bytes:
 
 
 def _read(payload: bytes, kind: type[T]) -> T:
-    """Read JSON of a type."""
+    """Decode JSON to a type; raises WireError."""
     try:
         return decode_json(payload, kind)
     except (msgspec.DecodeError, ValueError, RecursionError) as error:

@@ -1,1 +1,1 @@
-"""The words of serial bases, without I/O: bytes in, events out; what is asked in, bytes out."""
+"""Codecs of serial bases, without I/O: received bytes to events, requests to bytes."""

@@ -1,8 +1,8 @@
 """ros_arduino_bridge: ASCII words that end with CR, 57600 baud.
 
-``m L R`` sets encoder ticks a PID period (30 Hz) and is answered ``OK``; ``e`` asks for both counters.
-``s ID DEGREES`` sets a servo. The firmware stops 2 s after the last ``m``. Answers name no question, but
-each kind looks different, so none is mistaken for another.
+``m L R`` sets encoder ticks per PID period (30 Hz) and is answered ``OK``; ``e`` requests both counters.
+``s ID DEGREES`` sets a servo. The firmware stops 2 s after the last ``m``. An answer does not name its
+request, but each kind has a form of its own, so none is mistaken for another.
 """
 
 from __future__ import annotations
@@ -17,14 +17,14 @@ from fleet_ugv.codecs.base import LineCodec
 from fleet_ugv.model import Event, Feedback, Motion, Steering, Trouble, Wheels
 
 PID_RATE = 30.0  # Hz
-LONGEST_LINE = 256  # bytes that the board says at most, with room to spare
-LARGEST = 32767  # ticks a period that fit the firmware's int
-COUNTER = 2**32  # ticks after which the counters begin anew
+LONGEST_LINE = 256  # bytes, more than the longest line of the board
+LARGEST = 32767  # ticks per period, the largest 16-bit int of the firmware
+COUNTER = 2**32  # ticks at which the counters wrap around
 _COUNTERS = re.compile(rb"(-?\d{1,10}) (-?\d{1,10})")
 
 
 class Servo(msgspec.Struct, frozen=True):
-    """The steering servo: its number, where it stands straight ahead, degrees a radian to the left."""
+    """The steering servo: its number, its angle straight ahead, and servo degrees per radian to the left."""
 
     number: int = 0
     centre: float = 90.0
@@ -32,7 +32,7 @@ class Servo(msgspec.Struct, frozen=True):
 
 
 class ArduinoCodec(LineCodec):
-    """One board; ``ticks``: encoder ticks a metre; ``servo`` for a robot that steers."""
+    """Codec of one board; ``ticks``: encoder ticks per metre; ``servo`` for a robot with steering."""
 
     stop: ClassVar[bytes] = b"\rm 0 0\r"
 
@@ -42,7 +42,7 @@ class ArduinoCodec(LineCodec):
         self._servo = servo or Servo()
 
     def _event(self, line: bytes) -> Event | None:
-        """Return what one answer says; before it may stand an echo of what was asked."""
+        """Decode one answer, which may follow an echo of its request."""
         line = line.rpartition(b"\r")[2].strip()
         counters = _COUNTERS.fullmatch(line)
         if counters is not None:
@@ -55,7 +55,7 @@ class ArduinoCodec(LineCodec):
         return None
 
     def motion(self, motion: Motion) -> bytes:
-        """Return ``m``, after ``s`` for a robot that steers."""
+        """Return ``m``, preceded by ``s`` for a robot with steering."""
         if isinstance(motion, Steering):
             angle = self._servo.centre + self._servo.gain * motion.angle
             turned = b"s %d %d\r" % (self._servo.number, min(max(round(angle), 0), 180))
@@ -68,13 +68,13 @@ class ArduinoCodec(LineCodec):
         return b"m %d %d\r" % tuple(min(max(count, -LARGEST), LARGEST) for count in ticks)
 
     def hello(self) -> bytes:
-        """Return the end of a word that may be half there."""
+        """Return CR, which ends a partial word in the board's buffer."""
         return b"\r"
 
     def setup(self) -> bytes:
-        """Return standing still; the dead-man's time is fixed in the firmware."""
+        """Return a zero speed; the dead-man's time is fixed in the firmware."""
         return self.stop
 
     def poll(self) -> bytes:
-        """Return the question for the counters."""
+        """Return the request for the counters."""
         return b"e\r"

@@ -1,4 +1,4 @@
-"""What every codec does, whatever its base speaks."""
+"""Common interface of the codecs."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ from fleet_ugv.model import Event, Motion
 
 
 class Codec(ABC):
-    """Translates for one open line; a fresh one for each. Nothing in it waits, reads a clock or does I/O.
+    """Codec of one open line; create a new one for each. It does not wait, read a clock or do I/O.
 
-    ``stop``: the bytes that stop the wheels, whatever state the codec is in (read from any thread);
-    ``gimbal_stop``: those that stop the camera's mount where it is, empty for a base without one.
-    ``garbage`` counts pieces that made no sense.
+    ``stop``: the bytes that stop the wheels in any state of the codec (read from any thread);
+    ``gimbal_stop``: those that stop the camera mount where it is, empty for a base without one.
+    ``garbage`` counts pieces of input that could not be decoded.
     """
 
     stop: ClassVar[bytes]
@@ -24,49 +24,49 @@ class Codec(ABC):
 
     @abstractmethod
     def feed(self, data: bytes) -> Sequence[Event]:
-        """Take what arrived; return what it completes. Never raises; what makes no sense is counted."""
+        """Take received bytes; return the events that they complete. Never raises; garbage is counted."""
 
     @abstractmethod
     def motion(self, motion: Motion) -> bytes:
         """Return the frame that holds these speeds."""
 
     def hello(self) -> bytes:
-        """Return what is said until the base speaks: the end of half a line, and a question."""
+        """Return the greeting of a silent base: the end of a partial line, and a request."""
         return b""
 
     def setup(self) -> bytes:
-        """Return what a board is told once it answers, and again after it restarted."""
+        """Return the settings for a board that answers for the first time, or after a restart."""
         return b""
 
     def poll(self) -> bytes:
-        """Return what asks for the next feedback."""
+        """Return the request for the next feedback."""
         return b""
 
     def lights(self, chassis: int, camera: int) -> bytes:  # noqa: ARG002 - for overriders
-        """Return what sets both lamps, 0 to 255."""
+        """Return the frame that sets both lamps, 0 to 255."""
         raise Unsupported("this base has no lamps")
 
     def gimbal(self, pan: int, tilt: int) -> bytes:  # noqa: ARG002 - for overriders
-        """Return what turns the camera: whole degrees, pan right and tilt up positive."""
+        """Return the frame that turns the camera: whole degrees, pan right and tilt up positive."""
         raise Unsupported("this base has no camera mount")
 
     def display(self, lines: Sequence[str]) -> bytes:  # noqa: ARG002 - for overriders
-        """Return what writes on the display; no lines: its own text again."""
+        """Return the frames that write to the display; no lines: restore its own text."""
         raise Unsupported("this base has no display")
 
 
 class LineCodec(Codec):
-    """A codec of a base that speaks lines, of ``longest`` bytes at most; what is longer is dropped."""
+    """Codec of a base with a line protocol; lines of more than ``longest`` bytes are dropped."""
 
     def __init__(self, longest: int) -> None:
         self.garbage = 0
         self._cutter = LineFraming(b"\n", longest).cutter()
 
     def feed(self, data: bytes) -> Sequence[Event]:
-        """Take what arrived; return what the whole lines say."""
+        """Take received bytes; return the events of the complete lines."""
         events = map(self._event, self._cutter.feed(data))
         return [event for event in events if event is not None]
 
     @abstractmethod
     def _event(self, line: bytes) -> Event | None:
-        """Return what one line says, None for nothing; what makes no sense is counted."""
+        """Decode one line; None when it is no event. Garbage is counted."""

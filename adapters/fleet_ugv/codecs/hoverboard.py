@@ -1,8 +1,8 @@
 """Hoverboard mainboards with the FOC firmware (EFeru), 115200 baud, little-endian, checksummed.
 
-Down: start 0xABCD, steer, speed, exclusive or of them. Up, 18 bytes: start, two inputs, rpm of right and left
-wheel, volts x 100, degrees x 10, LED, exclusive or. In speed mode a unit of speed is a turn a minute; the
-firmware's mixer gives half of ``steer`` to each side. It stops 0.8 s after the last frame.
+Command: start 0xABCD, steer, speed, XOR of these. Feedback, 18 bytes: start, two inputs, rpm of right and
+left wheel, volts x 100, degrees x 10, LED, XOR. In speed mode the unit of speed is one rpm; the firmware's
+mixer gives half of ``steer`` to each side. The firmware stops 0.8 s after the last frame.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ _MARK = struct.pack("<H", START)
 
 
 def checksum(frame: bytes) -> int:
-    """Return the exclusive or of all 16-bit words but the last."""
+    """Return the XOR of all 16-bit words except the last."""
     words: tuple[int, ...] = struct.unpack(f"<{len(frame) // 2}H", frame)
     return functools.reduce(operator.xor, words[:-1])
 
@@ -37,7 +37,7 @@ def frame_of(steer: int, speed: int) -> bytes:
 
 
 class HoverboardCodec(Codec):
-    """One mainboard; ``diameter`` of its wheels, m."""
+    """Codec of one mainboard; ``diameter`` of its wheels, m."""
 
     stop: ClassVar[bytes] = frame_of(0, 0)
 
@@ -47,7 +47,7 @@ class HoverboardCodec(Codec):
         self._rest = b""
 
     def feed(self, data: bytes) -> Sequence[Event]:
-        """Take what arrived; whatever is no frame is skipped to the next start mark."""
+        """Take received bytes; anything that is not a frame is skipped up to the next start mark."""
         self._rest += data
         events: list[Event] = []
         while True:
@@ -65,14 +65,14 @@ class HoverboardCodec(Codec):
             events.append(self._feedback(frame))
 
     def _skip(self, at: int) -> None:
-        """Drop what is before the start mark; of its first half alone, keep that."""
+        """Drop the bytes before the start mark; keep a last byte that may be the first half of one."""
         if at < 0:
             at = len(self._rest) - (1 if self._rest[-1:] == _MARK[:1] else 0)
         self.garbage += 1 if at else 0
         self._rest = self._rest[at:]
 
     def _feedback(self, frame: bytes) -> Feedback:
-        """Return what a frame measures."""
+        """Decode a feedback frame."""
         _, _, _, right, left, volts, degrees, _, _ = _UP.unpack(frame)
         return Feedback(
             speeds=(left * self._speed_of_rpm, right * self._speed_of_rpm),
@@ -81,7 +81,7 @@ class HoverboardCodec(Codec):
         )
 
     def motion(self, motion: Motion) -> bytes:
-        """Return the frame; the two sides are scaled together by the caller."""
+        """Return the command frame; the caller has scaled both sides together."""
         assert isinstance(motion, Wheels)
         left, right = motion.left / self._speed_of_rpm, motion.right / self._speed_of_rpm
         steer, speed = round(left - right), round((left + right) / 2)

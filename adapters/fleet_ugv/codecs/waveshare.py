@@ -1,8 +1,8 @@
 """JSON lines of Waveshare's ESP32 boards (ugv_base_ros 0.96, ugv_base_general 0.95), 115200 baud.
 
-Both say T 1001, with different fields: ``odl`` is in one, ``r`` in the other. Motion is always T 1, wheel
-speeds, because it is the only one whose dead-man works in both. A wheel speed beyond 2 m/s would be ignored
-while the former one carries on, so it is never sent.
+Both send T 1001, with different fields: ``odl`` is in one, ``r`` in the other. Motion is always T 1, wheel
+speeds, because it is the only command whose dead-man works in both. The firmware ignores a wheel speed beyond
+2 m/s and keeps the previous one, so none is ever sent.
 """
 
 from __future__ import annotations
@@ -18,14 +18,14 @@ from fleet_ugv.codecs.base import LineCodec
 from fleet_ugv.model import Confirmed, Event, Feedback, Motion, Trouble, Wheels
 
 FASTEST = 2.0  # m/s; the firmware ignores more
-LONGEST_LINE = 1024  # bytes that the board says at most, with room to spare
-PAN_TILT = 2  # the module of T 900 that is a camera's mount
-GIMBAL_STEPS = 600  # of a servo, a second, at which T 134 turns the mount
+LONGEST_LINE = 1024  # bytes, more than the longest line of the board
+PAN_TILT = 2  # the module number of T 900 for a camera mount
+GIMBAL_STEPS = 600  # servo steps a second at which T 134 turns the mount
 GIMBAL_SPEED = GIMBAL_STEPS * math.tau / 4096  # rad/s: a turn of its servos has 4096 steps
-SHOWN = 60  # characters of a display's line: the board drops commands beyond 256 bytes
+SHOWN = 60  # characters of a display line: the board drops commands of more than 256 bytes
 GYRO = math.radians(1 / 16.4)  # rad/s of one step
 ACCEL = 9.80665 / 8192  # m/s2 of one step
-COMMANDS = frozenset({*range(-3, 1000)}) - {129, 139, 405}  # what is echoed; these are answers
+COMMANDS = frozenset({*range(-3, 1000)}) - {129, 139, 405}  # echoed commands; those excluded are answers
 
 _Limits = tuple[float, float]
 _METRES: _Limits = (-1e6, 1e6)
@@ -38,7 +38,7 @@ _decode = msgspec.json.Decoder().decode
 
 
 class WaveshareCodec(LineCodec):
-    """One board. ``main`` and ``module`` are the numbers of T 900; ``timeout``: of its dead-man, s."""
+    """Codec of one board. ``main`` and ``module`` are numbers of T 900; ``timeout``: of its dead-man, s."""
 
     stop: ClassVar[bytes] = b'{"T":1,"L":0,"R":0}\n{"T":0}\n'
 
@@ -50,7 +50,7 @@ class WaveshareCodec(LineCodec):
         self.gimbal_stop = b'{"T":135}\n' if module == PAN_TILT else b""
 
     def _event(self, line: bytes) -> Event | None:
-        """Return what one line says; the board prints plain text while it starts."""
+        """Decode one line; plain text is ignored, because the board prints it while it boots."""
         try:
             said = _decode(line)
         except (msgspec.DecodeError, ValueError, RecursionError):  # ValueError: no UTF-8
@@ -70,7 +70,7 @@ class WaveshareCodec(LineCodec):
         return None
 
     def _feedback(self, said: Mapping[str, object]) -> Feedback | None:
-        """Return a feedback; without both wheel speeds the line was spoiled."""
+        """Decode a feedback; a line without both wheel speeds was corrupted."""
         left, right = _number(said, "L", _SPEEDS), _number(said, "R", _SPEEDS)
         if left is None or right is None:
             self.garbage += 1
@@ -87,7 +87,7 @@ class WaveshareCodec(LineCodec):
         )
 
     def _ros(self, said: Mapping[str, object], speeds: tuple[float, float]) -> Feedback:
-        """Return the feedback of ugv_base_ros: centimetres, centivolts, raw steps, degrees."""
+        """Decode a feedback of ugv_base_ros: centimetres, centivolts, raw steps, degrees."""
         odl, odr = _number(said, "odl", _METRES), _number(said, "odr", _METRES)
         centivolts = _number(said, "v", (_VOLTS[0] * 100, _VOLTS[1] * 100))
         has_gimbal = self._module == PAN_TILT
@@ -109,11 +109,11 @@ class WaveshareCodec(LineCodec):
         return b'{"T":1,"L":%.4f,"R":%.4f}\n' % (left, right)
 
     def hello(self) -> bytes:
-        """Return the end of half a line, and ask once: the general firmware streams nothing yet."""
+        """Return the end of a partial line, and one request: the general firmware does not stream yet."""
         return b'\n{"T":130}\n'
 
     def setup(self) -> bytes:
-        """Return the geometry, the dead-man (echoed, so that it is seen to be taken) and the stream."""
+        """Return the geometry, the dead-man's time (its echo confirms it) and the start of the stream."""
         return (
             b"\n"
             b'{"T":1,"L":0,"R":0}\n'
@@ -131,7 +131,7 @@ class WaveshareCodec(LineCodec):
         return b'{"T":132,"IO4":%d,"IO5":%d}\n' % (chassis, camera)
 
     def gimbal(self, pan: int, tilt: int) -> bytes:
-        """Return T 134 in the firmware's limits."""
+        """Return T 134 within the firmware's limits."""
         x, y = min(max(pan, -180), 180), min(max(tilt, -30), 90)
         return b'{"T":134,"X":%d,"Y":%d,"SX":%d,"SY":%d}\n' % (x, y, GIMBAL_STEPS, GIMBAL_STEPS)
 
@@ -146,7 +146,7 @@ class WaveshareCodec(LineCodec):
 
 
 def _plain(text: str) -> str:
-    """Return what the display can show, short enough."""
+    """Return text with only the characters that the display can show, cut to length."""
     return "".join(letter if " " <= letter <= "~" else "?" for letter in text)[:SHOWN]
 
 
@@ -159,7 +159,7 @@ def _number(said: Mapping[str, object], name: str, limits: _Limits) -> float | N
 
 
 def _radians(said: Mapping[str, object], name: str) -> float | None:
-    """Return an angle that is told in degrees."""
+    """Return in radians an angle that is sent in degrees."""
     degrees = _number(said, name, _DEGREES)
     return None if degrees is None else math.radians(degrees)
 

@@ -1,1 +1,1 @@
-"""Simulated bases that speak the real wire on a pseudo-terminal."""
+"""Simulated bases that speak the real serial protocols on a pseudo-terminal."""

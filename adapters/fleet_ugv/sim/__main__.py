@@ -19,7 +19,7 @@ from fleet_ugv.sim.spec import BOARDS, SimSpec
 
 
 def _parser() -> argparse.ArgumentParser:
-    """Return the command line's form."""
+    """Return the parser of the command line."""
     parser = argparse.ArgumentParser(prog="python -m fleet_ugv.sim", description=__doc__)
     parser.add_argument("--profile", choices=sorted(BOARDS), help="what the base is")
     parser.add_argument("--fault", default="", help=f"NAME:VALUE,... of {', '.join(sorted(FAULTS))}")
@@ -29,7 +29,7 @@ def _parser() -> argparse.ArgumentParser:
 
 
 async def _serve(options: argparse.Namespace, folder: Path) -> None:
-    """Run the bases; raises ValueError for what cannot be."""
+    """Run the bases; raises ValueError for an invalid specification."""
     server = Bases(folder)
     if options.profile:
         await server.add(SimSpec(options.profile, options.seed, parse_faults(options.fault, FAULTS)))
@@ -37,7 +37,7 @@ async def _serve(options: argparse.Namespace, folder: Path) -> None:
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run the simulator; return the exit status (2: it was asked for something impossible)."""
+    """Run the simulator; return the exit status (2: invalid arguments)."""
     options = _parser().parse_args(arguments)
     with tempfile.TemporaryDirectory(prefix="fleet-ugv-") as folder:
         try:

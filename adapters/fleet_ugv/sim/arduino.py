@@ -6,11 +6,11 @@ from fleet_ugv.codecs.arduino import PID_RATE
 from fleet_ugv.sim.board import SimBoard
 from fleet_ugv.sim.physics import BaseBody
 
-LONGEST = 32  # bytes of a word that the sketch keeps
+LONGEST = 32  # bytes of a word that the sketch can buffer
 
 
 class ArduinoBoard(SimBoard):
-    """A board with two encoders of ``ticks`` a metre."""
+    """A board with two encoders of ``ticks`` per metre."""
 
     def __init__(self, body: BaseBody, *, ticks: float, seed: int = 1) -> None:
         super().__init__(body, timeout=2.0, voltage=0.0, seed=seed)
@@ -19,13 +19,13 @@ class ArduinoBoard(SimBoard):
         self.servos: dict[int, int] = {}
 
     def restart(self, now: float) -> None:  # noqa: ARG002 - it starts at once
-        """Begin anew."""
+        """Reset the board."""
         self.physics.wanted = [0.0, 0.0]
         self.physics.ways = [0.0, 0.0]
         self._rest = b""
 
     def obey(self, data: bytes, now: float) -> bytes:
-        """Answer each word, strictly one by one."""
+        """Answer the words, one by one."""
         *words, self._rest = (self._rest + data).split(b"\r")
         self._rest = self._rest[:LONGEST]
         return b"".join(self._answer(word[:LONGEST], now) for word in words)
@@ -56,12 +56,12 @@ class ArduinoBoard(SimBoard):
         return b"OK\r\n"
 
     def speak(self, now: float) -> bytes:  # noqa: ARG002 - it never does
-        """Say nothing: this board only answers."""
+        """Send nothing: this board only answers."""
         return b""
 
 
 def _whole(text: str) -> int:
-    """Read a number as C's atoi does: 0 for what is none."""
+    """Parse a number like C's atoi: 0 for invalid text."""
     try:
         return int(text)
     except ValueError:

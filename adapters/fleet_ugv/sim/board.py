@@ -1,4 +1,4 @@
-"""What all simulated boards do: time, the dead-man, the wire's faults; pure."""
+"""Common base of the simulated boards: time, the dead-man, faults of the wire; pure."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ JUNK = b'\x00\xfe~{"T":1001,'
 
 
 class SimBoard(ABC):
-    """A board and its base. ``receive`` and ``step`` take the time (s) and return what the board says.
+    """A board and its base. ``receive`` and ``step`` take the time (s) and return the board's output.
 
-    ``timeout``: of its dead-man, s. ``halted_at``: when that last stopped the wheels.
+    ``timeout``: of its dead-man, s. ``halted_at``: time at which it last stopped the wheels.
     """
 
     def __init__(self, body: BaseBody, *, timeout: float, voltage: float, seed: int = 1) -> None:
@@ -24,7 +24,7 @@ class SimBoard(ABC):
         self.voltage = voltage
         self.faults: dict[str, float] = {}
         self.halted_at: float | None = None
-        self._told = 0.0  # when motion was last told
+        self._told = 0.0  # time of the last motion command
         self._now = 0.0
         self._rest_of_piece = b""
         random = Random(seed)  # noqa: S311 - repeatable on purpose
@@ -33,31 +33,31 @@ class SimBoard(ABC):
 
     @abstractmethod
     def obey(self, data: bytes, now: float) -> bytes:
-        """Take what arrived; return the answers."""
+        """Handle received bytes; return the answers."""
 
     @abstractmethod
     def speak(self, now: float) -> bytes:
-        """Return what the board says by itself at this time."""
+        """Return the unsolicited output of the board at this time."""
 
     @abstractmethod
     def restart(self, now: float) -> None:
-        """Begin anew, as after a power loss: counters, settings, speeds."""
+        """Reset the board, as after a power loss: counters, settings, speeds."""
 
     def receive(self, data: bytes, now: float) -> bytes:
-        """Take bytes from the host; return what reaches it."""
+        """Take bytes from the host; return the bytes that reach it."""
         self._pass(now)
         echo = data if "echo" in self.faults else b""
         heard = b"".join(self._to_board.carry([data], now))
         return self._out(echo + (self.obey(heard, now) if heard else b""), now)
 
     def step(self, now: float) -> bytes:
-        """Let time pass; return what reaches the host."""
+        """Advance the time; return the bytes that reach the host."""
         self._pass(now)
         late = b"".join(self._to_board.carry([], now))
         return self._out((self.obey(late, now) if late else b"") + self.speak(now), now)
 
     def set_fault(self, name: str, value: float | None) -> None:
-        """Begin a fault; None ends it. Raises ValueError for one that does not exist."""
+        """Start a fault; None ends it. Raises ValueError for an unknown fault."""
         if value is None:
             self.faults.pop(name, None)
         else:
@@ -67,7 +67,7 @@ class SimBoard(ABC):
         self.physics.slip = self.faults.get("slip", 0.0)
 
     def _begin(self, name: str, value: float) -> None:
-        """Do at once what is an event, remember what lasts."""
+        """Apply a momentary fault at once, and store a lasting one."""
         if name == "reset":
             self.restart(self._now)
         elif name == "bump":
@@ -84,7 +84,7 @@ class SimBoard(ABC):
         self.halted_at = None
 
     def _pass(self, now: float) -> None:
-        """Move the base on, step by step; the dead-man acts at its own moment."""
+        """Advance the base step by step; the dead-man acts at its exact time."""
         while self._now + STEP <= now:
             self._now += STEP
             if self._now - self._told > self.timeout and any(self.physics.wanted):
@@ -93,7 +93,7 @@ class SimBoard(ABC):
             self.physics.step()
 
     def _out(self, said: bytes, now: float) -> bytes:
-        """Return what comes of what the board says on its way."""
+        """Pass the board's output through the faulty wire."""
         if "mute" in self.faults:
             said = b""
         if said and "garbage" in self.faults:

@@ -1,4 +1,4 @@
-"""The faults of a simulated base: those of the wire, and its own."""
+"""Faults of a simulated base: those of the wire, and its own."""
 
 from __future__ import annotations
 

@@ -25,13 +25,13 @@ class HoverboardBoard(SimBoard):
         self._next = 0.0
 
     def restart(self, now: float) -> None:  # noqa: ARG002 - it starts at once
-        """Begin anew."""
+        """Reset the board."""
         self.physics.wanted = [0.0, 0.0]
         self._rest = b""
         self._inputs = (0, 0)
 
     def obey(self, data: bytes, now: float) -> bytes:
-        """Take good frames; the rest is skipped byte by byte."""
+        """Handle valid frames; other bytes are skipped one by one."""
         self._rest += data
         while len(self._rest) >= _DOWN.size:
             frame = self._rest[: _DOWN.size]

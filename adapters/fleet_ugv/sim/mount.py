@@ -1,4 +1,4 @@
-"""The camera's mount of a simulated board: two servos that turn at the speed they are told; pure."""
+"""Camera mount of a simulated board: two servos that turn at the commanded speed; pure."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ LOW, HIGH = (-180.0, -30.0), (180.0, 90.0)  # of pan and tilt, degrees
 
 
 class Mount:
-    """``at``: where it is (pan, tilt), degrees."""
+    """Two servos; ``at``: current angles (pan, tilt), degrees."""
 
     def __init__(self) -> None:
         self.at = (0.0, 0.0)
@@ -23,11 +23,11 @@ class Mount:
         self._speeds = (pan_steps * DEGREES_A_STEP, tilt_steps * DEGREES_A_STEP)
 
     def stop(self) -> None:
-        """Stay where it is."""
+        """Stop at the current angles."""
         self._target = self.at
 
     def turn(self, now: float) -> None:
-        """Let time pass until ``now`` (s)."""
+        """Advance the time to ``now`` (s)."""
         seconds, self._now = max(0.0, now - self._now), now
         steps = [speed * seconds for speed in self._speeds]
         moved = [

@@ -1,7 +1,7 @@
-"""How a simulated base moves: two sides that follow their set speeds with a lag, on a plane; pure.
+"""Motion of a simulated base: two sides that follow their set speeds with a lag, on a plane; pure.
 
-The numbers are assumptions, chosen to be worse than a good base: a tracked base slips when it turns, speeds
-are quantised, slow ones stick.
+The parameters are assumptions, chosen to be worse than a good base: a tracked base slips when it turns,
+speeds are quantised, slow ones stick.
 """
 
 from __future__ import annotations
@@ -16,11 +16,11 @@ BUMP = 0.3  # s that a push lasts
 
 
 class BaseBody(msgspec.Struct, frozen=True):
-    """What a base is made like.
+    """Physical parameters of a base.
 
     ``track``: geometric, m; ``widening``: factor of the effective track; ``lag``: s until 63 % of a change;
-    ``sticks``: m/s below which a side does not turn; ``fastest``: m/s of a side; ``bias`` and ``noise`` of
-    the gyro, rad/s.
+    ``sticks``: m/s below which a side does not turn; ``fastest``: top speed of a side, m/s; ``bias`` and
+    ``noise`` of the gyro, rad/s.
     """
 
     track: float
@@ -33,13 +33,13 @@ class BaseBody(msgspec.Struct, frozen=True):
 
 
 class Physics:
-    """One base; ``x``, ``y`` (m) and ``yaw`` (rad) are where it truly is."""
+    """One base; ``x``, ``y`` (m) and ``yaw`` (rad) are its true pose."""
 
     def __init__(self, body: BaseBody, seed: int = 1) -> None:
         self.body = body
         self.x = self.y = self.yaw = 0.0
         self.speeds = [0.0, 0.0]  # of the sides, m/s
-        self.ways = [0.0, 0.0]  # of the sides since the board started, m
+        self.ways = [0.0, 0.0]  # distances of the sides since the board started, m
         self.wanted = [0.0, 0.0]
         self.yaw_rate = 0.0
         self.speed = 0.0
@@ -51,7 +51,7 @@ class Physics:
         self._random = Random(seed)  # noqa: S311 - repeatable on purpose
 
     def step(self) -> None:
-        """Let one step of time pass."""
+        """Advance by one time step."""
         for side in (0, 1):
             self._follow(side)
         left, right = self.speeds
@@ -69,7 +69,7 @@ class Physics:
         self.yaw = math.remainder(self.yaw + self.yaw_rate * STEP, math.tau)
 
     def _follow(self, side: int) -> None:
-        """Bring one side nearer to what is wanted."""
+        """Move the speed of one side towards its set value."""
         wanted = min(max(self.wanted[side], -self.body.fastest), self.body.fastest)
         if abs(wanted) < self.body.sticks:
             wanted = 0.0

@@ -1,4 +1,4 @@
-"""A simulated board on a pseudo-terminal, and the way to pull its cable."""
+"""A simulated board on a pseudo-terminal whose cable can be pulled."""
 
 from __future__ import annotations
 
@@ -38,16 +38,16 @@ class SimPort:
         return self._master >= 0
 
     def plug(self) -> None:
-        """Put the cable in."""
+        """Plug the cable in."""
         self._master, self._device = pty.openpty()
-        tty.setraw(self._device)  # it stays open here: without, a client that leaves would end the terminal
+        tty.setraw(self._device)  # kept open: otherwise a client that closes it would end the terminal
         os.set_blocking(self._master, False)
         self.path.unlink(missing_ok=True)
         self.path.symlink_to(os.ttyname(self._device))
         self._loop.add_reader(self._master, self._readable)
 
     def unplug(self, seconds: float = float("inf")) -> None:
-        """Pull the cable, for some time."""
+        """Pull the cable, for a time in seconds."""
         if not self.plugged:
             return
         self._back_at = self.now() + seconds
@@ -58,35 +58,35 @@ class SimPort:
         self._master = self._device = -1
 
     def fault(self, name: str, value: float | None) -> None:
-        """Begin a fault, or end it; raises ValueError."""
+        """Start a fault, or end it (None); raises ValueError."""
         if name == "unplug" and value is not None:
             self.unplug(value)
         else:
             self.board.set_fault(name, value)
 
     def look(self) -> dict[str, float]:
-        """Return where the base truly is (m, rad) and the speeds of its sides (m/s)."""
+        """Return the true pose of the base (m, rad) and the speeds of its sides (m/s)."""
         physics = self.board.physics
         left, right = physics.speeds
         return {"x": physics.x, "y": physics.y, "yaw": physics.yaw, "left": left, "right": right}
 
     def step(self) -> None:
-        """Let the board live on."""
+        """Simulate the board up to now."""
         if not self.plugged and self.now() >= self._back_at:
             self.plug()
         self._write(self.board.step(self.now()))
 
     def _readable(self) -> None:
-        """Give the board what was written to it."""
+        """Give written bytes to the board."""
         with contextlib.suppress(BlockingIOError):
             self._write(self.board.receive(os.read(self._master, _PIECE), self.now()))
 
     def _write(self, data: bytes) -> None:
-        """Say it; what nobody reads is lost, as on a real line."""
+        """Write to the terminal; bytes that nobody reads are lost, as on a real line."""
         if data and self.plugged:
             with contextlib.suppress(BlockingIOError):
                 os.write(self._master, data)
 
     def close(self) -> None:
-        """End it."""
+        """Close the terminal."""
         self.unplug()

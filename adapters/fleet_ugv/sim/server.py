@@ -1,4 +1,4 @@
-"""The simulated bases of one process, each on a pseudo-terminal."""
+"""Simulated bases of one process, each on a pseudo-terminal."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ class Bases(SimServer[SimSpec, SimPort]):
         self._count = 0
 
     async def make(self, spec: SimSpec) -> SimPort:
-        """Make a base; raises ValueError for one that does not exist."""
+        """Create a base; raises ValueError for an unknown one."""
         board = board_of(spec)
         self._count += 1
         return SimPort(board, self._folder / f"{spec.profile}-{self._count}", PROFILES[spec.profile].baud)

@@ -1,4 +1,4 @@
-"""What a simulated base is asked to be, and how it is made."""
+"""Specification of a simulated base, and its construction."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ from fleet_ugv.sim.hoverboard import HoverboardBoard
 from fleet_ugv.sim.physics import BaseBody
 from fleet_ugv.sim.waveshare import WaveshareBoard
 
-SKID = 1.3  # an assumption: how much wider a track that slips in turns seems
+SKID = 1.3  # assumed ratio of effective to geometric track, for a base that slips in turns
 
 
 class SimSpec(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """One simulated base: its profile, its faults from the start; ticks a metre and wheels (m), 0: usual.
+    """One simulated base: profile, initial faults, ticks per metre and wheel diameter (m; 0: the profile's).
 
     ``firmware``: of Waveshare's boards, ugv_base_ros or ugv_base_general.
     """
@@ -35,7 +35,7 @@ class SimSpec(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 def spec_of(link: str, *, ticks: float, diameter: float) -> SimSpec:
-    """Return what ``sim:PROFILE?fault=NAME:VALUE,...&seed=N&firmware=general`` asks; raises ValueError."""
+    """Parse ``sim:PROFILE?fault=NAME:VALUE,...&seed=N&firmware=general``; raises ValueError."""
     profile, _, query = link.removeprefix("sim:").partition("?")
     fields = dict(part.partition("=")[::2] for part in query.split("&") if part)
     if unknown := fields.keys() - {"fault", "seed", "firmware"}:
@@ -84,7 +84,7 @@ BOARDS: Mapping[str, Callable[[SimSpec], SimBoard]] = MappingProxyType(
 
 
 def board_of(spec: SimSpec) -> SimBoard:
-    """Return the base that is asked for; raises ValueError for one that does not exist."""
+    """Return the specified base; raises ValueError for an unknown one."""
     if spec.profile not in BOARDS:
         raise ValueError(f"there is no simulated {spec.profile!r}; there are {', '.join(BOARDS)}")
     board = BOARDS[spec.profile](spec)

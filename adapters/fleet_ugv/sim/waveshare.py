@@ -1,8 +1,8 @@
 """A simulated Waveshare board (ugv_base_ros or ugv_base_general): JSON lines, boot text, T 1001; pure.
 
-It does what the real one does wrong as well: T 13 does not feed its dead-man (ros), a wheel speed beyond
-2 m/s is dropped after it fed it, a line of more than 256 bytes vanishes, and with the general firmware it
-says nothing until it is asked, and repeats what it is told.
+It has the flaws of the real one too: T 13 does not feed its dead-man (ros); a wheel speed beyond 2 m/s feeds
+the dead-man but is ignored; a line of more than 256 bytes is lost; and with the general firmware it sends
+nothing until it gets a request, and echoes its commands.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from fleet_ugv.sim.physics import BaseBody
 
 LARGEST = 256  # bytes of a command
 DEFAULT_TIMEOUT = 3.0
-PULSE = 0.0005  # m/s of one step of the told speed
+PULSE = 0.0005  # m/s of one step of the reported speed
 BOOT = 0.4  # s of boot text; a real board takes longer
 _BOOT_TEXT = (
     b"ets Jul 29 2019 12:21:46\r\n\r\nrst:0x1 (POWERON_RESET),boot:0x13\r\n"
@@ -28,7 +28,7 @@ _BOOT_TEXT = (
 
 
 class WaveshareBoard(SimBoard):
-    """The board of a Beast, a Rover or a RaspRover, by its ``body``; ``general``: which firmware."""
+    """The board of a Beast, a Rover or a RaspRover, by its ``body``; ``general``: with that firmware."""
 
     def __init__(self, body: BaseBody, *, general: bool = False, seed: int = 1) -> None:
         self._general = general
@@ -40,11 +40,11 @@ class WaveshareBoard(SimBoard):
 
     @property
     def camera(self) -> tuple[float, float]:
-        """Where the camera's mount truly is: pan and tilt, degrees."""
+        """True angles of the camera mount: pan and tilt, degrees."""
         return self._mount.at
 
     def restart(self, now: float) -> None:
-        """Forget everything; print for a while."""
+        """Reset the board; it prints boot text for a while."""
         self.timeout = DEFAULT_TIMEOUT
         self.physics.wanted = [0.0, 0.0]
         self.physics.ways = [0.0, 0.0]
@@ -57,14 +57,14 @@ class WaveshareBoard(SimBoard):
         self._next = 0.0
 
     def obey(self, data: bytes, now: float) -> bytes:
-        """Carry out commands; deaf while it boots."""
+        """Carry out commands; input is ignored while it boots."""
         self._mount.turn(now)
         if now < self._booted:
             return b""
         return b"".join(self._line(line, now) for line in self._cutter.feed(data))
 
     def _line(self, line: bytes, now: float) -> bytes:
-        """Carry out one line; what is no JSON object vanishes, a missing T is 0."""
+        """Carry out one line; a line that is not a JSON object is ignored, a missing T is 0."""
         try:
             said = msgspec.json.decode(line)
         except (msgspec.DecodeError, ValueError, RecursionError):  # ValueError: no UTF-8
@@ -109,7 +109,7 @@ class WaveshareBoard(SimBoard):
                 self._configure(kind, said)
 
     def _configure(self, kind: int, said: dict[str, Any]) -> None:
-        """Take a setting."""
+        """Apply a setting."""
         match kind:
             case 131:
                 self._streams = bool(said["cmd"])
@@ -141,12 +141,12 @@ class WaveshareBoard(SimBoard):
         return msgspec.json.encode({"T": 1001, "L": left, "R": right} | measured) + b"\n"
 
     def _general_fields(self) -> dict[str, object]:
-        """Return what ugv_base_general measures: degrees and volts."""
+        """Return the measurements of ugv_base_general: degrees and volts."""
         yaw = round(math.degrees(self.physics.yaw), 2)
         return {"r": 0.1, "p": -0.2, "y": yaw, "temp": 31.0, "v": self.voltage}
 
     def _ros_fields(self) -> dict[str, object]:
-        """Return what ugv_base_ros measures, in its own units: centimetres, centivolts, raw steps."""
+        """Return the measurements of ugv_base_ros, in its units: centimetres, centivolts, raw steps."""
         physics = self.physics
         gravity = 8192 / 9.80665
         said: dict[str, object] = {

@@ -1,6 +1,6 @@
-"""An MQTT broker inside the process, for the demo and for tests of what goes wrong; not for production.
+"""In-process MQTT broker, for the demo and for tests of faults; not for production.
 
-It speaks MQTT 5 and 3.1.1, keeps everything in memory, and can be told to misbehave (``BrokerFaults``).
+It speaks MQTT 5 and 3.1.1, keeps everything in memory, and can inject faults (``BrokerFaults``).
 """
 
 from fleet.sim.broker.faults import BrokerFaults

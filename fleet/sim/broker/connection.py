@@ -1,4 +1,4 @@
-"""One client's network connection at the broker: bytes in, bytes out, time-outs."""
+"""Network connection of one client at the broker: bytes in, bytes out, time-outs."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _Reason = mqtt5.DisconnectReasonCode
 
 
 class BrokerConnection(asyncio.Protocol):
-    """Serves one client; whatever it sends can end only its own connection."""
+    """Serves one client; nothing that it sends can affect other connections."""
 
     def __init__(self, hub: BrokerCore, everyone: set[BrokerConnection]) -> None:
         self._hub = hub
@@ -35,18 +35,18 @@ class BrokerConnection(asyncio.Protocol):
 
     @property
     def client_id(self) -> str:
-        """Return the client's name, empty before CONNECT."""
+        """Return the client id, empty before CONNECT."""
         session = self._conversation.session
         return session.client_id if session else ""
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
-        """Begin to listen."""
+        """Register the connection."""
         assert isinstance(transport, asyncio.Transport)
         self._transport = transport
         self._everyone.add(self)
 
     def data_received(self, data: bytes) -> None:
-        """Take what arrived and write all answers at once; a frozen broker keeps it for later."""
+        """Handle received bytes and write all answers at once; a frozen broker keeps them for later."""
         if self._is_silent():
             self._sleep(data)
             return
@@ -57,7 +57,7 @@ class BrokerConnection(asyncio.Protocol):
         self.flush()
 
     def flush(self) -> None:
-        """Write what waits in the client's session, as far as the socket and the client take it."""
+        """Write waiting messages of the client's session, as far as the socket and the client accept them."""
         session, now = self._conversation.session, self._hub.clock.monotonic()
         while session and not (self._full or self._is_silent()):
             lost = self._write(session.send(now))
@@ -67,13 +67,13 @@ class BrokerConnection(asyncio.Protocol):
                 session.forget(identifier)
 
     def expel(self, reason: mqtt5.DisconnectReasonCode) -> None:
-        """End the connection; a client that can be told is told the reason."""
+        """End the connection; send the reason to a client whose protocol allows it."""
         logger.info("the client %r is disconnected: %s", self.client_id, reason.name)
         self._write(self._conversation.end(reason))
         self._close()
 
     def watch(self) -> None:
-        """Go on after a freeze; end the connection when the client has been silent for too long."""
+        """Resume after a freeze; end the connection when the client has been silent for too long."""
         if self._hub.faults.freeze:
             self._sleep(b"")
         elif self._asleep:
@@ -82,22 +82,22 @@ class BrokerConnection(asyncio.Protocol):
             self._lose_patience()
 
     def forget(self) -> None:
-        """Fall silent and forget the client while the socket stays open, as after a power cut."""
+        """Go silent and drop the client's state while the socket stays open, as after a power cut."""
         self._forgotten = True
         self._conversation.leave()
 
     def drop(self) -> None:
-        """Cut the connection without a word."""
+        """Abort the connection without DISCONNECT."""
         if self._transport:
             self._transport.abort()
 
     def pause_writing(self) -> None:
-        """Let the session keep what the socket does not take; who does not listen is not listened to."""
+        """Stop writing, and reading: a client that does not read is not read from, either."""
         self._full = True
         self._read_or_wait()
 
     def resume_writing(self) -> None:
-        """Go on where the socket stopped."""
+        """Resume writing and reading."""
         self._full = False
         self._read_or_wait()
         self.flush()
@@ -108,17 +108,17 @@ class BrokerConnection(asyncio.Protocol):
         self._conversation.leave()
 
     def _is_silent(self) -> bool:
-        """Tell whether nothing is read or written, because of a fault."""
+        """Return True when a fault stops reading and writing."""
         return self._forgotten or self._asleep or self._hub.faults.freeze
 
     def _is_late(self) -> bool:
-        """Tell whether the client has been silent for too long, or does not read the last words."""
+        """Return True when the client has been silent for too long, or does not read the last packets."""
         patience = self._hub.limits.connect_timeout if self._closing else self._conversation.patience
         late = bool(patience) and self._hub.clock.monotonic() - self._heard > patience
         return late and not self._forgotten
 
     def _answers(self, data: bytes) -> list[mqtt5.Packet]:
-        """Return what answers the packets that the bytes complete, up to the one that ends the connection."""
+        """Return the answers to the completed packets, up to one that ends the connection."""
         answers: list[mqtt5.Packet] = []
         try:
             for packet in self._decoder.feed(data):
@@ -134,26 +134,26 @@ class BrokerConnection(asyncio.Protocol):
         return answers
 
     def _refuse(self, error: Exception, reason: mqtt5.DisconnectReasonCode) -> list[mqtt5.Packet]:
-        """End the conversation because of what the client sent; return the last words."""
+        """End the conversation because of a bad packet; return the last packets to send."""
         logger.info("the client %r is disconnected: %s", self.client_id, error)
         return self._conversation.end(reason)
 
     def _sleep(self, data: bytes) -> None:
-        """Read no more for now, and keep what was read; a client that is forgotten is not listened to."""
+        """Stop reading for now, and keep the bytes read so far; those of a forgotten client are dropped."""
         if not self._forgotten:
             self._asleep = True
             self._unread += data
             self._read_or_wait()
 
     def _wake(self) -> None:
-        """Go on after a freeze."""
+        """Resume after a freeze, with the bytes that were kept."""
         self._asleep = False
         unread, self._unread = self._unread, b""
         self._read_or_wait()
         self.data_received(unread)
 
     def _read_or_wait(self) -> None:
-        """Read from the socket unless the broker sleeps or the client does not read."""
+        """Read from the socket unless the broker is frozen or the client does not read."""
         if self._transport is None or self._closing:
             return
         if self._asleep or self._full:
@@ -162,14 +162,14 @@ class BrokerConnection(asyncio.Protocol):
             self._transport.resume_reading()
 
     def _lose_patience(self) -> None:
-        """Tell a silent client to go; cut it off when it was told already."""
+        """Disconnect a silent client; abort the connection if that was tried already."""
         if self._closing:
             self.drop()
         else:
             self.expel(_Reason.KEEP_ALIVE_TIMEOUT)
 
     def _close(self) -> None:
-        """Close once everything is written; a client that does not read is cut off by ``watch``."""
+        """Close once everything is written; ``watch`` aborts if the client does not read."""
         if self._closing:
             return
         self._closing = True
@@ -178,7 +178,7 @@ class BrokerConnection(asyncio.Protocol):
             self._transport.close()
 
     def _write(self, packets: list[mqtt5.Packet]) -> list[int]:
-        """Write packets in one send; return the identifiers of messages larger than the client takes."""
+        """Write packets in one send; return the ids of messages that are too large for the client."""
         if self._transport is None or self._forgotten or self._closing:
             return []
         frames, lost = [], []

@@ -1,4 +1,4 @@
-"""What one client and the broker say to each other, packet by packet; no bytes, no sockets."""
+"""MQTT conversation of one client with the broker, packet by packet; no bytes, no sockets."""
 
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ from fleet.sim.broker.hub import BrokerCore, BrokerPeer
 from fleet.sim.broker.session import BrokerSession, Subscription
 
 _GRACE = 1.5
-"""Keepalives of silence after which a client counts as gone (MQTT 5, section 3.1.2.10)."""
+"""Keep-alive intervals of silence after which a client counts as gone (MQTT 5, section 3.1.2.10)."""
 _NOBODY = 0x10
 _Answers = list[mqtt5.Packet]
 _Reason = mqtt5.DisconnectReasonCode
 
 
 class ClientError(Exception):
-    """The client broke the protocol; ``reason`` is what it is told before the connection ends."""
+    """Protocol error of the client; ``reason`` is sent to it before the connection ends."""
 
     def __init__(self, message: str, reason: mqtt5.DisconnectReasonCode) -> None:
         super().__init__(message)
@@ -27,10 +27,10 @@ class ClientError(Exception):
 
 
 class Conversation:
-    """One client's side of the hub, from CONNECT to its end.
+    """State of one client's connection, from CONNECT to its end.
 
-    ``session`` is None before CONNECT and after the end; ``over`` tells that the connection is to be closed
-    once everything is written. ``patience`` is how many seconds the client may be silent, 0 for ever.
+    ``session`` is None before CONNECT and after the end; ``over``: close the connection once everything is
+    written. ``patience`` is the time that the client may be silent, seconds; 0 for ever.
     """
 
     def __init__(self, hub: BrokerCore, peer: BrokerPeer) -> None:
@@ -55,7 +55,7 @@ class Conversation:
         }
 
     def receive(self, packet: mqtt5.Packet, protocol: int | None) -> _Answers:
-        """Take one packet, return its answers; raise ClientError when it ends the connection."""
+        """Handle one packet and return the answers; raises ClientError when it ends the connection."""
         if isinstance(packet, mqtt5.ConnectPacket):
             self._protocol = protocol
             return self._on_connect(packet)
@@ -65,21 +65,21 @@ class Conversation:
         return handler(packet, self.session)
 
     def end(self, reason: mqtt5.DisconnectReasonCode) -> _Answers:
-        """End it for the broker's reason; an MQTT 5 client that was let in is told."""
+        """End the connection for a reason of the broker, which a connected MQTT 5 client is sent."""
         told = self.session is not None and self._protocol == 5
         self.leave()
         self.over = True
         return [mqtt5.DisconnectPacket(reason_code=reason)] if told else []
 
     def leave(self) -> None:
-        """Take leave of the hub, once; the will is published unless the client said goodbye."""
+        """Leave the hub, once; the will is published unless the client sent DISCONNECT."""
         session, self.session = self.session, None
         will, self._will = self._will, None
         if session:
             self._hub.leave(session, will)
 
     def _on_connect(self, packet: mqtt5.ConnectPacket) -> _Answers:
-        """Let the client in, or say why not."""
+        """Accept the client, or answer with the reason for the refusal."""
         if self.session:
             raise ClientError("a second CONNECT", _Reason.PROTOCOL_ERROR)
         if refusal := self._refusal(packet):
@@ -99,7 +99,7 @@ class Conversation:
         return [answer, *session.resume(self._hub.clock.monotonic())]
 
     def _refusal(self, packet: mqtt5.ConnectPacket) -> mqtt5.ConnAckReasonCode | None:
-        """Return why the client is not let in, None when it is."""
+        """Return the reason to refuse the client, None when it is accepted."""
         if packet.will and _is_wrong(check_topic, packet.will.topic):
             return mqtt5.ConnAckReasonCode.TOPIC_NAME_INVALID
         if self._protocol == 311 and not packet.client_id and not packet.clean_start:
@@ -122,7 +122,7 @@ class Conversation:
     def _on_publish_twice(
         self, packet: mqtt5.PublishPacket, identifier: int, session: BrokerSession
     ) -> _Answers:
-        """Take a message of QoS 2; it is routed once, however often it is sent."""
+        """Handle a QoS 2 message; it is routed once, however often it is sent."""
         heard = True
         if identifier not in session.received:
             if len(session.received) >= self._hub.limits.receive:
@@ -133,12 +133,12 @@ class Conversation:
         return [mqtt5.PubRecPacket(identifier, reason_code=code)]
 
     def _on_puback(self, packet: mqtt5.PubAckPacket, session: BrokerSession) -> _Answers:
-        """Forget a QoS 1 message that the client has."""
+        """Forget a QoS 1 message that the client has acknowledged."""
         session.forget(packet.packet_id)
         return []
 
     def _on_pubrec(self, packet: mqtt5.PubRecPacket, session: BrokerSession) -> _Answers:
-        """Release a QoS 2 message that the client has."""
+        """Release a QoS 2 message that the client has received."""
         release = session.on_pubrec(packet)
         return [release] if release else []
 
@@ -154,7 +154,7 @@ class Conversation:
         return []
 
     def _on_subscribe(self, packet: mqtt5.SubscribePacket, session: BrokerSession) -> _Answers:
-        """Add subscriptions; a shared one is refused, and one too many."""
+        """Add subscriptions; shared ones, and those beyond the limit, are refused."""
         codes = [
             self._subscribe(Subscription(each, packet.subscription_id), session)
             for each in packet.topic_filters
@@ -181,7 +181,7 @@ class Conversation:
         return [mqtt5.UnsubAckPacket(packet.packet_id, codes)]
 
     def _on_disconnect(self, packet: mqtt5.DisconnectPacket, session: BrokerSession) -> _Answers:
-        """Let the client go; its will stays unsaid unless it asks for it."""
+        """Handle DISCONNECT; the will is not published unless the client requests it."""
         if packet.session_expiry_interval and not session.expiry:
             raise ClientError("a session that was to end is to last", _Reason.PROTOCOL_ERROR)
         if packet.session_expiry_interval is not None:
@@ -194,7 +194,7 @@ class Conversation:
 
 
 def _is_wrong(check: Callable[[str], str], text: str) -> bool:
-    """Tell whether a topic or filter is one that MQTT forbids."""
+    """Return True for a topic or filter that MQTT forbids."""
     try:
         check(text)
     except ValueError:

@@ -1,4 +1,4 @@
-"""Who gets what: sessions by client, matches by topic, and the retained messages."""
+"""Routing tables of the broker: sessions by client, matches by topic, and retained messages."""
 
 from __future__ import annotations
 
@@ -10,18 +10,18 @@ from fleet.sim.broker.limits import ClientLimits
 from fleet.sim.broker.session import BrokerSession, Subscription
 
 _REMEMBERED = 10_000
-"""Topics whose matches are remembered."""
+"""Maximum number of topics whose matches are cached."""
 
 
 class RetainedMessage(msgspec.Struct, frozen=True):
-    """A message with the time, on the monotonic clock, at which it is worth nothing any more."""
+    """A message with its expiry time, monotonic seconds; None: it does not expire."""
 
     packet: mqtt5.PublishPacket
     deadline: float | None
 
 
 class Subscriptions:
-    """The broker's tables; no I/O, no clock."""
+    """Routing tables of the broker; no I/O, no clock."""
 
     def __init__(self, limits: ClientLimits) -> None:
         self.sessions: dict[str, BrokerSession] = {}
@@ -36,12 +36,12 @@ class Subscriptions:
         self._matches.clear()
 
     def remove(self, session: BrokerSession) -> None:
-        """Forget a session."""
+        """Remove a session."""
         self.sessions.pop(session.client_id, None)
         self._matches.clear()
 
     def subscribe(self, session: BrokerSession, subscription: Subscription) -> bool:
-        """Add a subscription or replace the one with the same filter; tell whether it is new."""
+        """Add a subscription or replace the one with the same filter; return True when it is new."""
         pattern = subscription.options.pattern
         new = pattern not in session.subscriptions
         session.subscriptions[pattern] = subscription
@@ -49,12 +49,12 @@ class Subscriptions:
         return new
 
     def unsubscribe(self, session: BrokerSession, pattern: str) -> bool:
-        """Remove a subscription; tell whether there was one."""
+        """Remove a subscription; return True when there was one."""
         self._matches.clear()
         return session.subscriptions.pop(pattern, None) is not None
 
     def match(self, topic: str) -> list[tuple[BrokerSession, list[Subscription]]]:
-        """Return the sessions that want a topic, each with its subscriptions that match."""
+        """Return the sessions that subscribe to a topic, each with its matching subscriptions."""
         if (known := self._matches.get(topic)) is not None:
             return known
         found = []
@@ -68,7 +68,7 @@ class Subscriptions:
         return found
 
     def retain(self, kept: RetainedMessage) -> None:
-        """Keep a message for later; an empty one clears the topic, a full store takes no new topic."""
+        """Store a retained message; an empty one clears the topic, a full store accepts no new topic."""
         topic, size = kept.packet.topic, len(kept.packet.payload)
         if older := self._retained.pop(topic, None):
             self._retained_bytes -= len(older.packet.payload)
@@ -78,7 +78,7 @@ class Subscriptions:
             self._retained_bytes += size
 
     def retained(self, pattern: str, now: float) -> list[RetainedMessage]:
-        """Return the retained messages that a filter takes and that are still worth something."""
+        """Return the retained messages that match a filter and have not expired."""
         return [
             kept
             for topic, kept in self._retained.items()

@@ -1,4 +1,4 @@
-"""How the broker misbehaves on purpose; every field may be changed while it runs, from any thread."""
+"""Injected faults of the broker; every field may be changed while it runs, from any thread."""
 
 from __future__ import annotations
 
@@ -6,12 +6,12 @@ import msgspec
 
 
 class BrokerFaults(msgspec.Struct):
-    """The faults that are on. ``drop`` and ``duplicate`` are topic filters, ``delay`` is in seconds.
+    """Active faults. ``drop`` and ``duplicate`` are topic filters, ``delay`` is in seconds.
 
-    ``drop``: what is published there is acknowledged and forgotten. ``duplicate``: it is delivered twice.
+    ``drop``: matching messages are acknowledged but not delivered. ``duplicate``: they are delivered twice.
     ``delay``: every delivery waits that long. ``no_puback``: QoS 1 is delivered but not acknowledged.
-    ``refuse``: the reason code with which every CONNECT is answered (0x87 is "not authorized").
-    ``freeze``: nothing is read, written or timed, as if the broker's computer were stopped.
+    ``refuse``: every CONNECT is answered with this reason code (0x87 is "not authorized").
+    ``freeze``: nothing is read, written or timed out, as if the broker's computer were suspended.
     """
 
     drop: str | None = None

@@ -1,4 +1,4 @@
-"""The broker without sockets: lets clients in, routes what they publish, keeps what they leave behind."""
+"""Core of the broker, without sockets: admits clients, routes their messages, keeps sessions and wills."""
 
 from __future__ import annotations
 
@@ -20,21 +20,21 @@ from fleet.sim.broker.session import NEVER, BrokerSession, QueuedCopy, Subscript
 logger = logging.getLogger(__name__)
 
 Check = Callable[[str | None, bytes | None], bool]
-"""Tells whether a user name and a password are accepted."""
+"""Returns whether a user name and password are accepted."""
 
 
 class BrokerPeer(Protocol):
-    """The connection of one client, as the hub sees it."""
+    """Interface of a client's connection to the hub."""
 
     def flush(self) -> None:
-        """Write what waits in the client's session."""
+        """Write the waiting messages of the client's session."""
 
     def expel(self, reason: mqtt5.DisconnectReasonCode) -> None:
         """End the connection with a reason."""
 
 
 class BrokerCore:
-    """One broker's state. All of it lives on one event loop."""
+    """State of one broker; used on one event loop only."""
 
     def __init__(
         self,
@@ -56,7 +56,7 @@ class BrokerCore:
         self._wills: dict[str, asyncio.TimerHandle] = {}
 
     def refusal(self, packet: mqtt5.ConnectPacket) -> mqtt5.ConnAckReasonCode | None:
-        """Return why a client is not let in, None when it is."""
+        """Return the reason to refuse a client, None when it is accepted."""
         if self.faults.refuse is not None:
             return mqtt5.ConnAckReasonCode(self.faults.refuse)
         if packet.authentication_method is not None:
@@ -68,7 +68,7 @@ class BrokerCore:
         return None
 
     def admit(self, packet: mqtt5.ConnectPacket, peer: BrokerPeer) -> tuple[BrokerSession, bool]:
-        """Let a client in, in place of its older connection; return its session and whether it is old."""
+        """Admit a client, replacing its older connection; return its session and whether it existed."""
         client_id = packet.client_id or f"auto-{uuid.uuid4().hex}"
         if older := self.peers.get(client_id):
             older.expel(mqtt5.DisconnectReasonCode.SESSION_TAKEN_OVER)
@@ -86,7 +86,7 @@ class BrokerCore:
         return session, present
 
     def leave(self, session: BrokerSession, will: mqtt5.Will | None) -> None:
-        """Note that a client is gone; its will, if any is left, is published now or after its delay."""
+        """Handle the end of a client's connection; its will, if any, is published now or after its delay."""
         self._behind.discard(self.peers.pop(session.client_id))
         session.ends = None if session.expiry == NEVER else self.clock.monotonic() + session.expiry
         delay = min(will.will_delay_interval, session.expiry) if will else 0
@@ -98,14 +98,14 @@ class BrokerCore:
         self.expire()
 
     def expire(self) -> None:
-        """Forget the sessions whose time is over."""
+        """Remove expired sessions."""
         now = self.clock.monotonic()
         for session in list(self._directory.sessions.values()):
             if session.ends is not None and session.ends <= now:
                 self._directory.remove(session)
 
     def publish(self, packet: mqtt5.PublishPacket, publisher: BrokerSession) -> bool:
-        """Route a message; tell whether anybody gets it, or True where that is not to be told."""
+        """Route a message; return False when it has no subscriber and publishers are to be told so."""
         if self.faults.drop and matches(self.faults.drop, packet.topic):
             return True
         lifetime = packet.message_expiry_interval
@@ -124,7 +124,7 @@ class BrokerCore:
         return bool(receivers) or not self._tells_unheard
 
     def subscribe(self, session: BrokerSession, subscription: Subscription) -> None:
-        """Add a subscription and queue the retained messages it asks for."""
+        """Add a subscription and queue the retained messages that it requests."""
         options = subscription.options
         new = self._directory.subscribe(session, subscription)
         handling = int(options.retain_handling)
@@ -134,23 +134,23 @@ class BrokerCore:
             self._offer(session, _copy(kept, [subscription], retain=True))
 
     def unsubscribe(self, session: BrokerSession, pattern: str) -> bool:
-        """Remove a subscription; tell whether there was one."""
+        """Remove a subscription; return True when there was one."""
         return self._directory.unsubscribe(session, pattern)
 
     def close(self) -> None:
-        """Forget the wills that still wait."""
+        """Cancel the delayed wills."""
         for will in self._wills.values():
             will.cancel()
 
     def _is_full(self) -> bool:
-        """Tell whether no new session fits, after forgetting those whose time is over."""
+        """Return True when there is no room for a new session, after removing expired ones."""
         self.expire()
         return len(self._directory.sessions) >= self.limits.sessions
 
     def _deliver_all(
         self, kept: RetainedMessage, receivers: list[tuple[BrokerSession, list[Subscription]]]
     ) -> None:
-        """Deliver one message to everybody who wants it."""
+        """Deliver one message to all its receivers."""
         times = 2 if self.faults.duplicate and matches(self.faults.duplicate, kept.packet.topic) else 1
         for session, wanted in receivers:
             as_published = any(one.options.retain_as_published for one in wanted)
@@ -158,7 +158,7 @@ class BrokerCore:
                 self._offer(session, _copy(kept, wanted, retain=kept.packet.retain and as_published))
 
     def _offer(self, session: BrokerSession, copy: QueuedCopy) -> None:
-        """Queue a message for a client; one that is away forgets its oldest when there is no room."""
+        """Queue a message for a client; for an absent one without room, drop its oldest message."""
         peer = self.peers.get(session.client_id)
         if peer:
             self._offer_to(peer, session, copy)
@@ -166,9 +166,9 @@ class BrokerCore:
             session.offer_at_any_cost(copy)
 
     def _offer_to(self, peer: BrokerPeer, session: BrokerSession, copy: QueuedCopy) -> None:
-        """Queue a message for a client that is there, and expel it when it is too slow.
+        """Queue a message for a connected client, and expel the client when it is too slow.
 
-        What one turn of the loop brings is written at once.
+        The messages of one iteration of the event loop are written together.
         """
         if not session.offer(copy):
             peer.flush()
@@ -181,13 +181,13 @@ class BrokerCore:
         self._behind.add(peer)
 
     def _flush(self) -> None:
-        """Write what waits for each client."""
+        """Write the waiting messages of each client."""
         behind, self._behind = self._behind, set()
         for peer in behind:
             peer.flush()
 
     def _publish_will(self, will: mqtt5.Will, session: BrokerSession) -> None:
-        """Publish a client's last message."""
+        """Publish a client's will."""
         self._wills.pop(session.client_id, None)
         packet = mqtt5.PublishPacket(
             will.topic,
@@ -206,7 +206,7 @@ class BrokerCore:
 
 
 def _copy(kept: RetainedMessage, wanted: list[Subscription], *, retain: bool) -> QueuedCopy:
-    """Return one client's copy: the best QoS that it subscribed to and that was published."""
+    """Return one client's copy: its highest subscribed QoS, at most the published one."""
     best = max(int(one.options.max_qos) for one in wanted)
     return QueuedCopy(
         packet=kept.packet,

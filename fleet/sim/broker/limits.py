@@ -1,4 +1,4 @@
-"""What one client may cost the broker."""
+"""Resource limits of the broker."""
 
 from __future__ import annotations
 
@@ -6,12 +6,12 @@ import msgspec
 
 
 class ClientLimits(msgspec.Struct, frozen=True):
-    """Bounds, in bytes, messages and seconds.
+    """Limits, in bytes, messages and seconds.
 
-    ``packet``: the largest packet taken. ``queue`` and ``queue_bytes``: what waits for one client before it
-    counts as too slow. ``receive``: QoS 1 and 2 messages under way, each way. ``subscriptions``: of a client.
-    ``retained``, ``retained_bytes`` and ``sessions``: how much is kept, of all clients together.
-    ``connect_timeout``: how long a client may take to say CONNECT.
+    ``packet``: largest accepted packet. ``queue`` and ``queue_bytes``: messages that may wait for one client
+    before it counts as too slow. ``receive``: QoS 1 and 2 messages in flight, each way. ``subscriptions``:
+    per client. ``retained``, ``retained_bytes`` and ``sessions``: for all clients together.
+    ``connect_timeout``: time within which a client must send CONNECT.
     """
 
     packet: int = 32 * 1024 * 1024

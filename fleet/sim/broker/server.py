@@ -1,4 +1,4 @@
-"""The broker as something that listens on a port."""
+"""TCP server of the broker."""
 
 from __future__ import annotations
 
@@ -15,15 +15,15 @@ from fleet.sim.broker.hub import BrokerCore, Check
 from fleet.sim.broker.limits import ClientLimits
 
 _TICK = 0.1
-"""Seconds between two looks at the clock."""
+"""Seconds between two checks of time-outs."""
 
 
 class Broker:
-    """An MQTT broker for as long as an ``async with`` block lasts; ``port`` is where it listens.
+    """An MQTT broker that runs inside an ``async with`` block and listens on ``port``.
 
-    ``check`` decides about user names and passwords; without it everybody may come in. ``tells_unheard``:
-    who publishes to nobody is told (reason code 0x10, which MQTT 5 leaves to the server); without it the
-    broker acknowledges like a cloud that takes everything.
+    ``check`` verifies user names and passwords; without it every client is accepted. ``tells_unheard``: a
+    publication without subscribers is acknowledged with reason code 0x10 (optional in MQTT 5); otherwise
+    like any other, as by a cloud that stores everything.
     """
 
     def __init__(
@@ -72,11 +72,11 @@ class Broker:
 
     @property
     def clients(self) -> list[str]:
-        """Return the names of the clients that are connected."""
+        """Return the ids of the connected clients."""
         return sorted(self._hub.peers)
 
     def disconnect_all(self, reason: int | None = None) -> None:
-        """End every connection: with a reason code for MQTT 5 clients, or cut without a word."""
+        """End every connection: with a reason code for MQTT 5 clients, or abort it without DISCONNECT."""
         for connection in list(self._connections):
             if reason is None:
                 connection.drop()
@@ -90,7 +90,7 @@ class Broker:
                 connection.forget()
 
     async def _tick(self) -> None:
-        """Look after time-outs, and after the freeze."""
+        """Check time-outs and the end of a freeze, periodically."""
         while True:
             for connection in list(self._connections):
                 connection.watch()

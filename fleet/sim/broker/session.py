@@ -1,4 +1,4 @@
-"""What the broker knows about one client beyond its connection: subscriptions, and messages on their way."""
+"""Session of one client, which outlives its connection: subscriptions, queued and in-flight messages."""
 
 from __future__ import annotations
 
@@ -11,18 +11,18 @@ import msgspec
 from fleet.sim.broker.limits import ClientLimits
 
 NEVER = 0xFFFF_FFFF
-"""The session expiry of a session that stays."""
+"""Session expiry interval of a session that never expires."""
 
 
 class Subscription(msgspec.Struct, frozen=True):
-    """One filter of a client, with its options and the identifier that goes along with every match."""
+    """One filter of a client, with its options and the subscription identifier sent with each match."""
 
     options: mqtt5.TopicFilter
     identifier: int | None = None
 
 
 class QueuedCopy(msgspec.Struct):
-    """One message on its way to one client; ``deadline`` is monotonic seconds."""
+    """One message queued for one client; ``deadline`` is its expiry, monotonic seconds."""
 
     packet: mqtt5.PublishPacket
     qos: int
@@ -50,7 +50,7 @@ class BrokerSession:
         self._released: dict[int, None] = {}
 
     def offer(self, copy: QueuedCopy) -> bool:
-        """Queue a message; tell whether there was room."""
+        """Queue a message; return False when there is no room."""
         size = len(copy.packet.payload)
         if (
             len(self._queue) + len(self._held) >= self._limits.queue
@@ -62,14 +62,14 @@ class BrokerSession:
         return True
 
     def offer_at_any_cost(self, copy: QueuedCopy) -> None:
-        """Queue a message, forgetting those that have waited longest when there is no room."""
+        """Queue a message; drop the oldest ones when there is no room."""
         while not self.offer(copy) and (oldest := self._held or self._queue):
             self._take(oldest)
 
     def send(self, now: float) -> list[mqtt5.Packet]:
-        """Return what the client may get now.
+        """Return the packets that may be sent to the client now.
 
-        Its Receive Maximum holds QoS 1 and 2 back, in their order; QoS 0 goes past those.
+        QoS 1 and 2 messages beyond its Receive Maximum are held back, in order; QoS 0 overtakes them.
         """
         packets: list[mqtt5.Packet] = []
         while self._held and self._room():
@@ -84,16 +84,16 @@ class BrokerSession:
         return packets
 
     def resume(self, now: float) -> list[mqtt5.Packet]:
-        """Return what a client that came back has not acknowledged, in the order it was sent first."""
+        """Return the unacknowledged packets for a client that reconnected, in their original order."""
         again = [_packet(copy, identifier, now, again=True) for identifier, copy in self._sent.items()]
         return [*again, *map(mqtt5.PubRelPacket, self._released)]
 
     def forget(self, identifier: int) -> None:
-        """Forget a message that arrived, or that the client would not take."""
+        """Forget a message that was delivered, or that is too large for the client."""
         self._sent.pop(identifier, None)
 
     def on_pubrec(self, packet: mqtt5.PubRecPacket) -> mqtt5.PubRelPacket | None:
-        """Release a QoS 2 message that arrived; nothing is released when the client refused it."""
+        """Return PUBREL for a received QoS 2 message; None when the client refused the message."""
         known = self._sent.pop(packet.packet_id, None) is not None or packet.packet_id in self._released
         if int(packet.reason_code) >= 0x80:
             return None
@@ -107,7 +107,7 @@ class BrokerSession:
         self._released.pop(identifier, None)
 
     def _take(self, queue: deque[QueuedCopy]) -> QueuedCopy:
-        """Take the message that has waited longest."""
+        """Remove and return the oldest message of a queue."""
         copy = queue.popleft()
         self._waiting -= len(copy.packet.payload)
         return copy
@@ -122,11 +122,11 @@ class BrokerSession:
         packets.append(_packet(copy, identifier, now))
 
     def _room(self) -> bool:
-        """Tell whether the client takes one more QoS 1 or 2 message."""
+        """Return True when the client accepts one more QoS 1 or 2 message."""
         return len(self._sent) + len(self._released) < self.window
 
     def _next_id(self) -> int:
-        """Return a packet identifier that is free."""
+        """Return a free packet identifier."""
         while True:
             self._last_id = self._last_id % 0xFFFF + 1
             if self._last_id not in self._sent and self._last_id not in self._released:
@@ -136,7 +136,7 @@ class BrokerSession:
 def _packet(
     copy: QueuedCopy, identifier: int | None, now: float, *, again: bool = False
 ) -> mqtt5.PublishPacket:
-    """Return PUBLISH for one client: the properties as published, the expiry less the time it waited."""
+    """Return PUBLISH for one client: properties as published, expiry reduced by the waiting time."""
     source = copy.packet
     return mqtt5.PublishPacket(
         source.topic,

@@ -1,4 +1,4 @@
-"""The broker on a thread of its own, for tests and programs that have no event loop to spare."""
+"""The broker on a thread of its own, for tests and for programs without an event loop."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ T = TypeVar("T")
 
 
 class BrokerThread:
-    """Runs a broker for as long as a ``with`` block lasts; takes what ``Broker`` takes."""
+    """Runs a broker inside a ``with`` block; takes the arguments of ``Broker``."""
 
     def __init__(self, **arguments: Any) -> None:
         self.broker = Broker(**arguments)
@@ -24,7 +24,7 @@ class BrokerThread:
 
     @property
     def port(self) -> int:
-        """Return where the broker listens."""
+        """Return the port on which the broker listens."""
         return self.broker.port
 
     def __enter__(self) -> Self:

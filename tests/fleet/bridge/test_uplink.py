@@ -510,7 +510,7 @@ def hasty_threads():
 
 
 def test_what_arrives_during_a_turn_on_another_thread_is_never_forgotten(bench, pose, hasty_threads):
-    """A sample that comes at any point of a turn suffixes with that turn or a later one."""
+    """A sample that comes at any point of a turn leaves with that turn or a later one."""
     sample, last = pose(1.0), pose(2.0)
     done = threading.Event()
 

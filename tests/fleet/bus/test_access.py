@@ -76,8 +76,11 @@ ASK = {
     "fleet/yard/runs/3f2a": {"desk", "hub"},
     "fleet/yard/robots/rex/description": set(ROLES),
     "fleet/yard/elsewhere": {"hub"},
+    "fleet/yard/workers/arms/reload": {"hub"},  # it loads code: for users of the edge's own computer
 }
 ANSWER = {
+    "fleet/yard/workers/arms/reload": {"arms", "hub"},
+    "fleet/yard/workers/legs/reload": {"hub"},
     "fleet/yard/robots/max/command": {"arms", "hub"},
     "fleet/yard/robots/max/video": {"planner", "hub"},
     "fleet/yard/robots/max/prepare": {"arms", "hub"},
@@ -275,7 +278,7 @@ def test_every_key_of_the_fleet_is_given_to_somebody_or_kept():
     decided = {"edge", "robot", "claim", "claims", "command", "holders", "places", "state", "worker"}
     decided |= {"heartbeat", "halt", "health", "stop", "held", "video", "history", "description"}
     decided |= {"prepare", "starts", "starting", "schedules"}
-    decided |= {"mission", "run"}
+    decided |= {"mission", "run", "reload"}
     assert {name for name, _ in inspect.getmembers(keys, inspect.isfunction)} == decided
 
 
