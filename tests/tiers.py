@@ -38,7 +38,7 @@ BUT = (
     "adapters/fleet_mavlink/sim/test_main.py",
     "adapters/fleet_mavlink/sim/test_server.py",
     "adapters/fleet_mavlink/test_session.py",
-    "adapters/fleet_quadruped/can/test_bus.py",
+    "fleet/link/canbus/test_bus.py",
     "adapters/fleet_ugv/test_pty.py",
     "fleet/bridge/test_bridge.py",
     "fleet/bridge/test_disconnect_program.py",

@@ -121,7 +121,7 @@ class TopicConfig(Model):
 
 
 class InboundConfig(Model):
-    """How one topic is received from the cloud; an omitted field keeps its value in docs/reference/topics.md."""
+    """How one topic is received from the cloud; an omitted field stays as in docs/reference/topics.md."""
 
     on: bool | None = Field(None, description="Subscribe to it at all.")
     rate: _Rate | None = Field(None, description="Messages a second at most; for what goes to the bus.")
