@@ -144,6 +144,7 @@ class Edge:
         self._notifier = Notifier(config.notify, config.edge.id, clock)
         history = self.process.history
         self.schedules = EdgeSchedules(config, folder, states=self.states, record=history.add, clock=clock)
+        self.schedules.starter = self.missions.starter
         history.told = self.schedules.before(self._notifier.take)
 
     def _remote(self, loaded: Loaded) -> dict[str, RemoteRobot]:
