@@ -10,7 +10,6 @@ from datetime import UTC, datetime
 import pytest
 
 from fleet.cli.main import main
-from fleet.host.edge.schedules import NoMissions
 from fleet.model.event import EventKind, EventReport
 from fleet.schedules.runner import Begun
 from fleet.testing.waiting import wait_until
@@ -29,7 +28,7 @@ WATCH = PATROL | {"steps": [{"id": "rest", "wait": "10 min"}, *PATROL["steps"]]}
 REMOTE = {"accepts": {"mission": ["tele"], "command": ["tele"]}}
 
 
-class Runs(NoMissions):
+class Runs:
     """Starts every mission at once."""
 
     def __init__(self):
@@ -38,6 +37,9 @@ class Runs(NoMissions):
     async def start(self, wanted):
         self.wanted.append(wanted)
         return Begun(f"run-{len(self.wanted)}")
+
+    async def known(self, _key):
+        return ""
 
 
 @pytest.fixture
@@ -106,14 +108,6 @@ async def test_a_robot_whose_emergency_stop_is_set_is_named_to_what_starts_missi
         edge.process.robots["rex"].controller.emergency("anna said so")
         await fleet("schedule", "run", "dawn")
         assert runs.wanted[0].without == {"rex": "its emergency stop is set: anna said so"}
-
-
-async def test_without_what_starts_missions_a_firing_is_refused_and_told(scheduled, run_edge, fleet):
-    _, edge, _ = scheduled
-    edge.schedules.starter = NoMissions()
-    async with run_edge(edge):
-        code, _, err = await fleet("schedule", "run", "dawn")
-        assert (code, "this edge carries out no missions" in err) == (5, True)
 
 
 async def test_an_edge_whose_schedules_cannot_be_kept_says_so_and_runs(
