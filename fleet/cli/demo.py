@@ -37,6 +37,7 @@ UGV = "waveshare-beast"
 
 
 PATROL = "patrol"
+ROUND = {"mission": PATROL, "every": "10 min", "enabled": False}  # nothing moves until somebody says so
 """The mission of a demo that has a drone or a wheeled robot."""
 
 
@@ -137,7 +138,8 @@ def demo_file(drones: int, host: str, port: int, *, ugvs: int = 0, dogs: int = 0
         "site": {"origin": FIELD},
         "robots": [robot for robots in kinds.values() for robot in robots],
         "groups": {kind: [robot["name"] for robot in robots] for kind, robots in kinds.items() if robots},
-        "missions": _patrol(kinds),
+        "missions": (missions := _patrol(kinds)),
+        "schedules": {"round": ROUND} if missions else {},
     }
     return json.dumps(fleet, indent=2)
 

@@ -74,7 +74,10 @@ class AskedNow(msgspec.Struct, frozen=True, omit_defaults=True):
 
 
 class RunState(msgspec.Struct, frozen=True, omit_defaults=True):
-    """One run, now. ``started`` is Unix seconds, ``seconds`` how long it has run."""
+    """One run, now. ``started`` is Unix seconds, ``seconds`` how long it has run.
+
+    ``by`` is who started it, ``way`` how he asked: a schedule is the edge's own (``mission``).
+    """
 
     run: str
     edge: str
@@ -90,6 +93,7 @@ class RunState(msgspec.Struct, frozen=True, omit_defaults=True):
     question: AskedNow | None = None
     robots: tuple[RunRobot, ...] = ()
     problem: str = ""
+    way: str = "bus"
 
 
 class MissionState(msgspec.Struct, frozen=True, omit_defaults=True):
@@ -125,6 +129,7 @@ def state_of(engine: Engine, about: About, edge: str, seconds: float, problem: s
         else None,
         tuple(_bus_session(member, doing.get(member.robot, "")) for member in engine.robots.members.values()),
         problem,
+        about.way,
     )
 
 
@@ -142,6 +147,7 @@ def ended_state(about: About, head: Head, members: Iterable[Member], edge: str) 
         outcome=head.outcome.value if head.outcome else "",
         reason=head.reason,
         robots=tuple(_bus_session(member, "") for member in members),
+        way=about.way,
     )
 
 

@@ -6,6 +6,7 @@ what is left fills roles up to their most.
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Iterable, Mapping, Sequence
 
 import msgspec
@@ -20,7 +21,7 @@ from fleet.missions.state import Facts
 class Candidate(msgspec.Struct, frozen=True):
     """A robot that may fill a role. ``can``: its commands, with goto, path and plan where it takes them.
 
-    ``trouble`` is why it cannot take part in anything now; empty when it can.
+    ``trouble`` is why it cannot take part in anything now; empty when it can. ``run`` has it now.
     """
 
     name: str
@@ -29,6 +30,7 @@ class Candidate(msgspec.Struct, frozen=True):
     facts: Facts
     groups: frozenset[str] = frozenset()
     trouble: str = ""
+    run: str = ""
 
 
 def filled(
@@ -66,6 +68,40 @@ def filled(
     return found
 
 
+def runs_in_the_way(
+    roles: Mapping[str, RoleConfig],
+    needs: Mapping[str, frozenset[str]],
+    candidates: Iterable[Candidate],
+    require: Require,
+    given: Mapping[str, Sequence[str]],
+) -> set[str]:
+    """Return the runs that would have to end before the roles can be filled: none too many.
+
+    Raises Refused where they cannot be filled even then.
+    """
+    everybody = list(candidates)
+
+    def fill_without(ended: set[str]) -> None:
+        free = [msgspec.structs.replace(each, run="") if each.run in ended else each for each in everybody]
+        filled(roles, needs, free, require, given)
+
+    ended = {each.run for each in everybody if each.run}
+    fill_without(ended)
+    for run in sorted(ended):
+        with contextlib.suppress(Refused):
+            fill_without(ended - {run})
+            ended = ended - {run}
+    return ended
+
+
+def is_meant(candidate: Candidate, role: RoleConfig, given: Sequence[str] | None = None) -> bool:
+    """Return whether a role asks for a robot; ``given`` are those that a person chose."""
+    wanted = role.from_ in (None, candidate.name) or role.from_ in candidate.groups
+    if given is not None:
+        wanted = candidate.name in given
+    return wanted and role.kind in (None, candidate.kind)
+
+
 def _fullest(candidate: Candidate) -> tuple[float, str]:
     """Order by battery, the fullest first, then by name."""
     battery = candidate.facts.battery
@@ -80,16 +116,13 @@ def _lacks(
     given: Sequence[str] | None,
 ) -> str:
     """Return what a robot lacks for a role; empty for nothing, ``-`` for one that is not asked for."""
-    wanted = role.from_ in (None, candidate.name) or role.from_ in candidate.groups
-    if given is not None:
-        wanted = candidate.name in given
-    if not wanted or (role.kind is not None and role.kind != candidate.kind):
+    if not is_meant(candidate, role, given):
         return "-"
     missing = sorted((needs | frozenset(role.can)) - candidate.can)
     if missing:
         return f"has no {', '.join(missing)}"
-    if candidate.trouble:
-        return candidate.trouble
+    if candidate.trouble or candidate.run:
+        return candidate.trouble or f"it is in run {candidate.run}"
     seen = Seen()
     seen.take(candidate.facts)
     return seen.lacks(candidate.name, require)

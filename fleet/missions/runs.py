@@ -19,10 +19,11 @@ from fleet.clock import Clock
 from fleet.config.missions import Mission
 from fleet.errors import Refused
 from fleet.missions.engine import Engine
+from fleet.missions.filling import Filling, needs_of
 from fleet.missions.messages import Places
-from fleet.missions.program import Do, Program
+from fleet.missions.program import Program
 from fleet.missions.report import ControlAsk, RunState, StartAsk, state_of
-from fleet.missions.roles import Candidate, filled
+from fleet.missions.roles import Candidate
 from fleet.missions.run import Robot, Run
 from fleet.missions.state import (
     Abort,
@@ -78,7 +79,7 @@ class Runs:
         self.clock = clock
         self.soon = soon
         self.stop = stop
-        self._candidates = candidates
+        self.filling = Filling(candidates, self.all)
         self._allowed = allowed
         self._told = told
         self._runs: dict[str, Run] = {}
@@ -101,18 +102,15 @@ class Runs:
         """True while a run is under way; from any thread."""
         return bool(self._runs)
 
+    def all(self) -> list[Run]:
+        """Return the runs that are under way, and those whose robots are being asked for."""
+        return [*self._runs.values(), *(pending.run for pending in self._pending.values())]
+
     def states(self) -> list[RunState]:
         """Return the runs that are under way."""
         return [self.state(run) for run in self._runs.values()]
 
     # -- starting --------------------------------------------------------------------------------------
-
-    def fill(self, mission: Mission, program: Program, ask: StartAsk) -> dict[str, list[str]]:
-        """Return who would fill the roles of a mission; raises Refused."""
-        if mission.config.rehearse == "required":
-            raise Refused("the mission must be rehearsed first, and rehearsals are not built yet")
-        needs = needs_of(program)
-        return filled(mission.config.roles, needs, self._candidates(), program.require, ask.robots)
 
     def start(self, mission: Mission, program: Program, ask: StartAsk, way: Transport, began: Began) -> None:
         """Start a mission; ``began`` hears, on the loop, that it has, or why not."""
@@ -125,9 +123,9 @@ class Runs:
             began("", {}, self.store.problem or full)
             return
         try:
-            roles = self.fill(mission, program, ask)
-            self._require_authority(program, roles, Origin(way, ask.source_type, ask.session_id))
             self._require_places(program)
+            roles = self.filling.fill(mission, program, ask)
+            self._require_authority(program, roles, Origin(way, ask.source_type, ask.session_id))
         except Refused as error:
             began("", {}, str(error))
             return
@@ -182,7 +180,7 @@ class Runs:
         for robot in sorted(waiting):
             run.join(robot, partial(answered, robot))
         until = self.clock.monotonic() + JOIN_WITHIN
-        self._pending[run.id] = _Pending(lambda: not waiting, until, then)
+        self._pending[run.id] = _Pending(run, lambda: not waiting, until, then)
         self._look_at(run.id)
 
     def _look_at(self, run: str) -> None:
@@ -280,7 +278,7 @@ class Runs:
             ours = (self.robots[member.robot] for member in engine.robots.ours())
             return all(robot.state().reachable for robot in ours)
 
-        self._pending[run.id] = _Pending(back, until, lambda: self._join(run, partial(self._back, run)))
+        self._pending[run.id] = _Pending(run, back, until, lambda: self._join(run, partial(self._back, run)))
 
     def _back(self, run: Run, refused: Mapping[str, str]) -> None:
         """Go on with a run of an earlier process, without those that are gone."""
@@ -294,23 +292,10 @@ class Runs:
 class _Pending(msgspec.Struct):
     """Something that is waited for: once it is ``over``, or time is up, ``then`` is called."""
 
+    run: Run
     over: Callable[[], bool]
     until: float
     then: Callable[[], None]
-
-
-def needs_of(program: Program) -> dict[str, frozenset[str]]:
-    """Return what the steps ask of each role: commands by name, goto, path and plan."""
-    needs: dict[str, set[str]] = {role: set() for role in program.quorum}
-    for step in program.steps:
-        if not isinstance(step, Do):
-            continue
-        for acts in (step.acts, step.undo):
-            for role, each in acts.items():
-                words = {str(act.value) if act.verb == "command" else act.verb for act in each}
-                for name in needs if role == "all" else (role,):
-                    needs[name] |= words
-    return {role: frozenset(words) for role, words in needs.items()}
 
 
 def digest_of(program: Program, roles: Mapping[str, Sequence[str]]) -> str:

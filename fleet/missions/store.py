@@ -131,8 +131,12 @@ class Store:
             done(False)
 
     def knows(self, run: str) -> bool:
-        """Return whether a run of this id was ever recorded and is kept; waits for the disk."""
-        return self._thread.submit(self._knows, run).result()
+        """Return whether a run of this id was recorded, under way or ended; waits for the disk."""
+        return bool(self._thread.submit(self._rows_of, run).result())
+
+    def has_ended(self, run: str) -> bool:
+        """Return whether a run of this id has ended and is kept; waits for the disk."""
+        return any(ended for (ended,) in self._thread.submit(self._rows_of, run).result())
 
     def unfinished(self) -> list[Kept]:
         """Return the runs that have not ended; before the first is saved. What cannot be read is told."""
@@ -156,12 +160,15 @@ class Store:
                     self._database.execute("UPDATE run SET ended = 2 WHERE id = ?", (run,))
         return found
 
-    def _knows(self, run: str) -> bool:
-        """Look for a run that has ended."""
+    def _rows_of(self, run: str) -> list[tuple[int]]:
+        """Return whether a run has ended; nothing for one that is not known, or when the file fails."""
         if self._database is None:
-            return False
-        asked = "SELECT 1 FROM run WHERE id = ? AND ended"
-        return self._database.execute(asked, (run,)).fetchone() is not None
+            return []
+        try:
+            return self._database.execute("SELECT ended FROM run WHERE id = ?", (run,)).fetchall()
+        except sqlite3.Error as error:  # then nothing is started either
+            self._fail(error)
+            return []
 
     def ended(self, most: int, told: Callable[[list[tuple[About, Head, list[Member]]]], None]) -> None:
         """Give ``told``, on the store's thread, the runs that ended, the newest first."""

@@ -57,6 +57,7 @@ def yard(fleet, tmp_path):
         "groups": {"yard": [robot["name"] for robot in robots]},
         "robots": [{**robot, "twin": str(uuid.uuid4())} for robot in robots],
         "missions": missions,
+        "schedules": {"round": {"mission": "fail", "every": "1 h", "enabled": False}},
     }
     (tmp_path / "fleet.yaml").write_text(json.dumps(config))
     running = fleet("run", "--json", folder=tmp_path)
@@ -153,6 +154,21 @@ def test_an_emergency_stop_of_all_ends_the_run_and_nothing_is_undone(yard):
     assert state["outcome"] == "aborted"
     assert {each["outcome"] for each in state["robots"]} == {"stopped"}
     assert not any("land begun" in line["text"] for line in told(yard, run))
+
+
+@pytest.mark.timeout(300)
+def test_a_firing_whose_edge_is_killed_has_one_run_that_ends(yard):
+    called = wait_until(
+        "the schedule fires", lambda: (one := yard.call("schedule", "run", "round")).returncode == 0 and one
+    )
+    run = called.stdout.split()[-1]
+    (edge,) = psutil.Process(yard.process.pid).children()
+    os.kill(edge.pid, signal.SIGKILL)
+    assert ended(yard, run)["outcome"] == "failed"  # as its mission says of a restart
+    runs = json.loads(yard.call("mission", "ps", "--all", "--json").stdout)["runs"]
+    assert [(each["run"], each["by"], each["way"]) for each in runs] == [(run, "schedule round", "mission")]
+    (schedule,) = json.loads(yard.call("schedule", "ls", "--json").stdout)
+    assert (schedule["last"][0]["state"], schedule["last"][0]["run"]) == ("started", run)
 
 
 @pytest.mark.timeout(9000)

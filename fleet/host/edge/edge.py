@@ -143,7 +143,9 @@ class Edge:
         self._recall = HistoryService(self.process.history)
         self._notifier = Notifier(config.notify, config.edge.id, clock)
         history = self.process.history
-        self.schedules = EdgeSchedules(config, folder, states=self.states, record=history.add, clock=clock)
+        self.schedules = EdgeSchedules(
+            config, folder, self.missions.starter, states=self.states, record=history.add, clock=clock
+        )
         history.told = self.schedules.before(self._notifier.take)
 
     def _remote(self, loaded: Loaded) -> dict[str, RemoteRobot]:

@@ -76,6 +76,4 @@ def trouble(state: RobotState, description: RobotDescription | None) -> str:
         return f"it is offline: {state.cause}"
     if state.emergency_stop:
         return f"its emergency stop is set: {state.stop_cause}"
-    if state.run:
-        return f"it is in run {state.run}"
     return "" if description is not None else "its worker does not say what it takes"

@@ -20,6 +20,7 @@ from fleet.config.places import places_of
 from fleet.config.problems import InvalidConfig
 from fleet.errors import Refused, WireError
 from fleet.host.edge.mission_robots import RobotElsewhere, RobotHere, can, trouble
+from fleet.host.edge.mission_starter import MissionStarter
 from fleet.host.process.robot_process import RobotProcess
 from fleet.host.requests.stop_cause import StopCause
 from fleet.host.safety.source_policy import SourcePolicy
@@ -97,7 +98,7 @@ class Missions:
             stop=stop,
             told=self._publish,
         )
-
+        self.starter = MissionStarter(self._missions, self.runs, self._described, process.clock)
         process.on_stop = self.stopped
 
     def _soon(self, call: Callable[[], None]) -> None:
@@ -165,7 +166,13 @@ class Missions:
         position = (at.x, at.y, at.z) if at is not None else None
         facts = Facts(state.name, state.health, state.battery, position, state.activity)
         return Candidate(
-            state.name, state.adapter, can(description), facts, groups, trouble(state, description)
+            state.name,
+            state.adapter,
+            can(description),
+            facts,
+            groups,
+            trouble(state, description),
+            state.run,
         )
 
     def _refusal(self, robot: str, origin: Origin, commands: bool, navigates: bool) -> str | None:  # noqa: FBT001 - by position
@@ -214,7 +221,7 @@ class Missions:
 
     def _record(self, state: RunState, kind: EventKind, text: str) -> None:
         """Write an event of a run, with who started it, into the history of the edge."""
-        asker = Requester(Transport.BUS, state.by)
+        asker = Requester(Transport(state.way), state.by, proven=state.way == Transport.MISSION)
         severity = Severity.INFO if state.outcome in ("", "completed") else Severity.WARNING
         event = EventReport(self._process.clock.time(), kind, text, severity, asker, state.mission, state.run)
         self._process.history.add("", event)
@@ -259,7 +266,7 @@ class Missions:
         ask = decode_json(question.payload, StartAsk)
         if ask.run and not RUN_ID.fullmatch(ask.run):
             raise Refused(f"{ask.run[:40]!a} cannot be the id of a run: letters, digits and -")
-        if ask.run and not ask.only_fill and self.store.knows(ask.run):
+        if ask.run and not ask.only_fill and self.store.has_ended(ask.run):
             raise Refused(f"run {ask.run} has ended: a repeat of it is not carried out")
         return ask
 
@@ -270,7 +277,7 @@ class Missions:
             self.runs.start(mission, program, ask, Transport.BUS, tell)
             return
         try:
-            tell("", self.runs.fill(mission, program, ask), "")
+            tell("", self.runs.filling.fill(mission, program, ask), "")
         except Refused as error:
             tell("", {}, str(error))
 

@@ -18,7 +18,7 @@ from fleet.model.event import EventKind, EventReport
 from fleet.model.schedule import ScheduleAnswer, ScheduleAsked
 from fleet.model.state import RobotState
 from fleet.runtime.decoding import decode_json
-from fleet.schedules.runner import Begun, Schedules, Starter, Wanted
+from fleet.schedules.runner import Schedules, Starter
 from fleet.schedules.store import Store
 
 log = logging.getLogger(__name__)
@@ -28,34 +28,23 @@ SERVED_WITHIN = 5.0  # s for schedules to be served, when the edge has just begu
 Told = Callable[[str, EventReport], None]
 
 
-class NoMissions:
-    """In the place of what starts missions, where nothing does."""
-
-    async def start(self, wanted: Wanted) -> Begun:  # noqa: ARG002 - the protocol's
-        """Refuse."""
-        return Begun(refusal="this edge carries out no missions")
-
-    async def known(self, key: str) -> str:  # noqa: ARG002 - the protocol's
-        """Know none."""
-        return ""
-
-
 class EdgeSchedules:
     """What fires by itself on one edge. ``states`` are those of its robots, ``record`` writes its history.
 
-    ``starter`` starts missions; it is set before ``run``. Without schedules it does nothing.
+    ``starter`` starts missions. Without schedules it does nothing.
     """
 
     def __init__(
         self,
         config: Sections,
         folder: Path,
+        starter: Starter,
         *,
         states: Callable[[], Iterable[RobotState]],
         record: Told,
         clock: Clock,
     ) -> None:
-        self.starter: Starter = NoMissions()
+        self.starter = starter
         self._config = config.schedules
         self._folder, self._states, self._record, self._clock = folder, states, record, clock
         self._loop = asyncio.get_running_loop()

@@ -83,3 +83,11 @@ def test_the_demo_offers_its_mission():
     notes = Notes()
     _welcome(notes, "127.0.0.1", 1883, TRIES[:1])
     assert any(line.endswith("mission run patrol") for line in notes.lines)
+
+
+def test_the_demos_schedule_of_its_mission_is_switched_off(tmp_path):
+    path = tmp_path / "fleet.yaml"
+    path.write_text(demo_file(1, "127.0.0.1", 1883, ugvs=1))
+    config = load(path).config
+    assert [(one.mission, one.enabled) for one in config.schedules.values()] == [("patrol", False)]
+    assert json.loads(demo_file(0, "127.0.0.1", 1883, dogs=1))["schedules"] == {}

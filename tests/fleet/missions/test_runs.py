@@ -7,6 +7,7 @@ import msgspec
 import pytest
 
 from fleet.config.missions import mission_of
+from fleet.errors import Refused
 from fleet.missions.report import ControlAsk, StartAsk
 from fleet.missions.roles import Candidate
 from fleet.missions.runs import BACK_WITHIN, JOIN_WITHIN, Runs
@@ -347,3 +348,23 @@ def test_controls_tell_why_they_are_refused(yard):
     assert yard.runs.control("3f2a", ControlAsk("resume")) == "not possible while it is step"
     assert yard.runs.control("3f2a", ControlAsk("pause")) == ""
     assert yard.runs.control("3f2a", ControlAsk("abort")) == ""
+
+
+def test_a_robot_of_a_run_that_is_taken_up_again_is_given_to_no_other_run(yard):
+    yard.start()
+    yard.begin()
+    for robot in yard.robots.values():
+        robot.be(run="", reachable=False)
+    yard.runs.take_up()
+    other = mission_of("other", {**MISSION, "steps": MISSION["steps"][:1]})
+    began, ask = [], StartAsk(run="77")
+    yard.runs.start(other, other.program({}), ask, Transport.MISSION, lambda *given: began.append(given))
+    assert "kestrel: it is in run 3f2a" in began[0][2]
+    assert yard.runs.filling.in_the_way(other, other.program({}), ask) == ["3f2a"]
+
+
+def test_what_is_refused_anyway_has_no_run_in_its_way(yard):
+    yard.start()
+    other = mission_of("patrol", {**MISSION, "rehearse": "required"})
+    with pytest.raises(Refused, match="rehearsed"):
+        yard.runs.filling.in_the_way(other, other.program({}), StartAsk(run="77"))

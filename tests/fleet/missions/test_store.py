@@ -78,8 +78,10 @@ def test_a_run_of_another_version_is_told_and_keeps_no_other_from_starting(store
 def test_an_ended_run_is_known(store):
     opened = store()
     save(opened, Head(), new=True)
-    assert not opened.knows("r1"), "a repeat of one under way is the same run"
+    assert opened.knows("r1")
+    assert not opened.has_ended("r1"), "a repeat of one under way is the same run"
     save(opened, Head(Phase.ENDED, outcome=RunOutcome.ABORTED))
+    assert opened.has_ended("r1")
     assert opened.knows("r1")
     assert not opened.knows("r2")
 

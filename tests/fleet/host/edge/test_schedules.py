@@ -1,13 +1,15 @@
 """The schedules of a running edge: on its bus, in its history, and by the command line."""
 
 import asyncio
+import contextlib
 import json
+import queue
 import time
+from datetime import UTC, datetime
 
 import pytest
 
 from fleet.cli.main import main
-from fleet.host.edge.schedules import NoMissions
 from fleet.model.event import EventKind, EventReport
 from fleet.schedules.runner import Begun
 from fleet.testing.waiting import wait_until
@@ -17,7 +19,16 @@ DAWN = {"mission": "patrol", "every": 3600.0}
 LOW = {"mission": "patrol", "on_event": {"kind": "battery", "robots": ["rex"]}}
 
 
-class Runs(NoMissions):
+PATROL = {
+    "version": 1,
+    "roles": {"eye": {"from": "rex"}, "feet": {"from": "pack", "count": {"min": 1, "max": 2}}},
+    "steps": [{"id": "go", "do": {"all": "walk"}}],
+}
+WATCH = PATROL | {"steps": [{"id": "rest", "wait": "10 min"}, *PATROL["steps"]]}
+REMOTE = {"accepts": {"mission": ["tele"], "command": ["tele"]}}
+
+
+class Runs:
     """Starts every mission at once."""
 
     def __init__(self):
@@ -27,13 +38,17 @@ class Runs(NoMissions):
         self.wanted.append(wanted)
         return Begun(f"run-{len(self.wanted)}")
 
+    async def known(self, _key):
+        return ""
+
 
 @pytest.fixture
-async def scheduled(yard, run_edge, asks, monkeypatch):
+async def scheduled(yard):
     """Build an edge with two schedules; gives it, and what starts their missions."""
-    monkeypatch.setattr("fleet.config.load.check_schedules", lambda *_: None)  # there are no missions yet
     place = yard(rex=HERE)
-    place.change(schedules={"dawn": DAWN, "low": LOW})
+    steps = [{"id": "go", "do": {"eye": "walk"}}]
+    patrol = {"version": 1, "roles": {"eye": {"from": "rex"}}, "steps": steps}
+    place.change(missions={"patrol": patrol}, schedules={"dawn": DAWN, "low": LOW})
     edge = place.edge()
     edge.schedules.starter = Runs()
     return place, edge, edge.schedules.starter
@@ -95,14 +110,6 @@ async def test_a_robot_whose_emergency_stop_is_set_is_named_to_what_starts_missi
         assert runs.wanted[0].without == {"rex": "its emergency stop is set: anna said so"}
 
 
-async def test_without_what_starts_missions_a_firing_is_refused_and_told(scheduled, run_edge, fleet):
-    _, edge, _ = scheduled
-    edge.schedules.starter = NoMissions()
-    async with run_edge(edge):
-        code, _, err = await fleet("schedule", "run", "dawn")
-        assert (code, "this edge carries out no missions" in err) == (5, True)
-
-
 async def test_an_edge_whose_schedules_cannot_be_kept_says_so_and_runs(
     scheduled, run_edge, fleet, monkeypatch
 ):
@@ -118,3 +125,92 @@ async def test_an_edge_whose_schedules_cannot_be_kept_says_so_and_runs(
         assert "no schedule fires: the disk is full" in edge.state().cause
         code, _, err = await fleet("schedule", "ls")
         assert (code, "the disk is full" in err) == (5, True)
+
+
+@pytest.fixture
+async def ready(yard, run_edge, asks):
+    """Run an edge with three robots and schedules of missions for them, once the robots answer."""
+
+    @contextlib.asynccontextmanager
+    async def ready(mission, **schedules):
+        place = yard(rex=HERE | REMOTE, max=HERE | REMOTE, ada=HERE | REMOTE)
+        place.change(groups={"pack": ["max", "ada"]}, missions={"patrol": mission}, schedules=schedules)
+        edge = place.edge()
+        async with run_edge(edge):
+            await asks.until(lambda: all(state.health == "ok" for state in edge.states()))
+            yield place, edge
+
+    return ready
+
+
+def runs_of(edge):
+    """Return the runs of an edge that have ended: who started each, how it ended, and its robots."""
+    found = queue.Queue()
+    edge.missions.store.ended(100, found.put)
+    return {about.run: (about.by, about.way, head.outcome, members) for about, head, members in found.get()}
+
+
+async def test_a_mission_of_two_robots_starts_by_itself_with_the_authority_of_fleet_yaml(ready):
+    soon = datetime.fromtimestamp(time.time() + 3, UTC).isoformat()
+    async with ready(PATROL, fair={"mission": "patrol", "once": soon}) as (place, edge):
+        await asyncio.to_thread(wait_until, "the run has ended", lambda: runs_of(edge))
+        ((run, (by, way, outcome, members)),) = runs_of(edge).items()
+        assert (by, way, outcome) == ("schedule fair", "mission", "completed")
+        assert {member.robot: member.outcome for member in members} == dict.fromkeys(
+            ("rex", "max", "ada"), "done"
+        ), "no robot that obeys only the cloud's operators keeps fleet.yaml out"
+        assert place.words().count("walk") == 3
+        assert await edge.missions.starter.known("fair@0.000") == ""
+        assert edge.missions.store.knows(run)
+
+
+async def test_a_schedule_that_is_started_by_hand_starts_the_mission(ready, fleet):
+    async with ready(PATROL, dawn=DAWN) as (place, edge):
+        code, out, err = await fleet("schedule", "run", "dawn")
+        assert (code, err) == (0, "")
+        run = out.split()[-1]
+        await asyncio.to_thread(wait_until, "the run has ended", lambda: run in runs_of(edge))
+        assert place.words().count("walk") == 3
+
+
+async def test_a_robot_whose_emergency_stop_is_set_is_left_out_and_told(ready, fleet):
+    async with ready(PATROL, dawn=DAWN) as (place, edge):
+        edge.process.robots["max"].controller.emergency("anna said so")
+        assert (await fleet("schedule", "run", "dawn"))[0] == 0
+        await asyncio.to_thread(wait_until, "the run has ended", lambda: runs_of(edge))
+        assert "walk" not in place.words("max")
+        _, out, _ = await fleet("history", "--json")
+        told = [each["text"] for each in json.loads(out) if each["kind"] == "schedule"]
+        assert told[-1].endswith("; max left out: its emergency stop is set: anna said so")
+
+
+async def test_a_mission_that_cannot_be_filled_without_a_stopped_robot_is_skipped(ready, fleet):
+    async with ready(PATROL, dawn=DAWN | {"busy": "replace"}) as (place, edge):
+        edge.process.robots["rex"].controller.emergency("anna said so")
+        code, _, err = await fleet("schedule", "run", "dawn")
+        assert (code, "role eye needs 1, 0 can: rex: its emergency stop is set" in err) == (5, True)
+        assert "walk" not in place.words()
+        assert edge.missions.runs.states() == []
+
+
+@pytest.mark.parametrize("busy", ["skip", "queue", "replace"])
+async def test_a_run_in_the_way_is_left_waited_for_or_replaced(ready, fleet, busy):
+    async with ready(WATCH, dawn=DAWN | {"busy": busy}) as (_, edge):
+        assert (await fleet("schedule", "run", "dawn"))[0] == 0
+        (first,) = edge.missions.runs.states()
+        code, out, err = await fleet("schedule", "run", "dawn")
+        if busy == "replace":
+            (second,) = edge.missions.runs.states()
+            assert (code, out) == (0, f"dawn: started as {second.run}\n")
+            assert runs_of(edge)[first.run][2] == "aborted"
+            return
+        assert [each.run for each in edge.missions.runs.states()] == [first.run]
+        why = f"run {first.run} is in its way" if busy == "skip" else "it waits"
+        assert (code, why in err) == (5, True)
+        if busy == "queue":
+            assert (await fleet("mission", "abort", first.run))[0] == 0
+            await asyncio.to_thread(
+                wait_until,
+                "the one that waited is started",
+                lambda: [each.run for each in edge.missions.runs.states()] not in ([], [first.run]),
+            )

@@ -1,0 +1,116 @@
+"""Starts missions for schedules: each firing is one run, whose id is made of the firing's key.
+
+So a firing that is started again, by this process or by the next one, is the same run: ``missions.db`` knows
+it. A run carries fleet.yaml's authority (``Transport.MISSION``): who wrote there what robots accept, wrote
+the schedule too. Everything else walks the way of any start and any command.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import hashlib
+from collections.abc import Callable, Mapping, Sequence
+
+from fleet.clock import Clock
+from fleet.config.missions import Mission
+from fleet.errors import Refused
+from fleet.missions.program import Program
+from fleet.missions.report import ControlAsk, StartAsk
+from fleet.missions.runs import BACK_WITHIN, Runs
+from fleet.model.command import Transport
+from fleet.schedules.runner import Begun, Wanted
+
+ENDED_WITHIN = 30.0  # s for runs to end that are replaced; with BACK_WITHIN and joining, below START_WITHIN
+LOOK_EVERY = 0.1  # s
+
+
+class MissionStarter:
+    """Starts what schedules want. ``described`` calls back, on the loop, once robots said what they take."""
+
+    def __init__(
+        self,
+        missions: Mapping[str, Mission],
+        runs: Runs,
+        described: Callable[[Callable[[], None]], None],
+        clock: Clock,
+    ) -> None:
+        self._missions, self._runs, self._described, self._clock = missions, runs, described, clock
+        self._back_until = clock.monotonic() + BACK_WITHIN
+
+    async def known(self, key: str) -> str:
+        """Return the run of a firing's key, empty where none was recorded; waits for the disk."""
+        run = self._run_of(key)
+        return run if await asyncio.to_thread(self._runs.store.knows, run) else ""
+
+    async def start(self, wanted: Wanted) -> Begun:
+        """Start a mission, or say why not; the run is on disk before it returns."""
+        run = await self.known(wanted.key)
+        if run:
+            return Begun(run)
+        mission = self._missions.get(wanted.mission)
+        if mission is None:
+            return Begun(refusal=f"there is no mission {wanted.mission!r}")
+        by = f"schedule {wanted.schedule}"
+        ask = StartAsk(inputs=dict(wanted.inputs), run=self._run_of(wanted.key), session_id=by)
+        try:
+            program = await asyncio.to_thread(mission.program, ask.inputs)
+            await self._back()
+            busy = await self._busy(mission, program, ask, replace=wanted.replace)
+        except Refused as error:
+            return Begun(refusal=error.reason)
+        if busy:
+            return Begun(busy=busy)
+        return await self._start(mission, program, ask, wanted.without)
+
+    def _run_of(self, key: str) -> str:
+        """Return the id of the run of a firing's key: the same in every process of this edge."""
+        return hashlib.blake2b(f"{self._runs.edge}/{key}".encode(), digest_size=6).hexdigest()
+
+    async def _back(self) -> None:
+        """Wait for all robots to answer, when the edge has just begun, then for what they take."""
+        robots = self._runs.robots.values()
+        while self._clock.monotonic() < self._back_until:
+            if all(robot.state().reachable for robot in robots):
+                break
+            await asyncio.sleep(LOOK_EVERY)
+        told = asyncio.Event()
+        self._described(told.set)
+        await told.wait()
+
+    async def _busy(self, mission: Mission, program: Program, ask: StartAsk, *, replace: bool) -> str:
+        """Return which runs are in the way, once those to be replaced have ended; raises Refused."""
+        until = self._clock.monotonic() + ENDED_WITHIN
+        asked: set[str] = set()
+        while found := self._runs.filling.in_the_way(mission, program, ask):
+            if not replace:
+                return f"run {', '.join(found)}"
+            if self._clock.monotonic() >= until:
+                raise Refused(
+                    f"run {', '.join(found)} is to be replaced, and did not end within {ENDED_WITHIN:g} s"
+                )
+            for run in found:
+                if run not in asked and not self._runs.control(
+                    run, ControlAsk("abort", session_id=ask.session_id)
+                ):
+                    asked.add(run)
+            await asyncio.sleep(LOOK_EVERY)
+        return ""
+
+    async def _start(
+        self, mission: Mission, program: Program, ask: StartAsk, without: Mapping[str, str]
+    ) -> Begun:
+        """Start a run, and wait until it is on disk."""
+        began: asyncio.Future[tuple[Mapping[str, Sequence[str]], str]] = asyncio.Future()
+
+        def hear(_run: str, roles: Mapping[str, Sequence[str]], refusal: str) -> None:
+            if not began.done():
+                began.set_result((roles, refusal))
+
+        self._runs.start(mission, program, ask, Transport.MISSION, hear)
+        roles, refusal = await began
+        if refusal:
+            return Begun(refusal=refusal)
+        if not await asyncio.to_thread(self._runs.store.knows, ask.run):  # written after it, on one thread
+            return Begun(refusal=self._runs.store.problem)
+        left_out = self._runs.filling.left_out(mission, roles)
+        return Begun(ask.run, left_out={robot: why for robot, why in without.items() if robot in left_out})

@@ -1,0 +1,81 @@
+"""Who would fill the roles of a mission now, and which runs are in its way."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping
+
+import msgspec
+
+from fleet.config.missions import Mission
+from fleet.errors import Refused
+from fleet.missions.program import Do, Program
+from fleet.missions.report import StartAsk
+from fleet.missions.roles import Candidate, filled, is_meant, runs_in_the_way
+from fleet.missions.run import Run
+
+
+class Filling:
+    """Fills roles from the robots of an edge. ``runs``: those under way, and those that are beginning."""
+
+    def __init__(self, candidates: Callable[[], list[Candidate]], runs: Callable[[], Iterable[Run]]) -> None:
+        self._candidates = candidates
+        self._runs = runs
+
+    def fill(self, mission: Mission, program: Program, ask: StartAsk) -> dict[str, list[str]]:
+        """Return who would fill the roles of a mission; raises Refused."""
+        _require_rehearsal(mission)
+        needs, free = needs_of(program), self._free(ask.run)
+        return filled(mission.config.roles, needs, free, program.require, ask.robots)
+
+    def in_the_way(self, mission: Mission, program: Program, ask: StartAsk) -> list[str]:
+        """Return the runs of the same mission, at its places, and with robots that it needs.
+
+        Raises Refused where it could not be started even if they ended.
+        """
+        _require_rehearsal(mission)
+        needs, free = needs_of(program), self._free(ask.run)
+        found = runs_in_the_way(mission.config.roles, needs, free, program.require, ask.robots)
+        for run in self._runs():
+            places = set(program.occupies) & set(run.engine.program.occupies)
+            if places or run.about.mission == program.mission:
+                found.add(run.id)
+        return sorted(found - {ask.run})
+
+    def left_out(self, mission: Mission, roles: Mapping[str, Iterable[str]]) -> set[str]:
+        """Return the robots that a mission's roles ask for, and that fill none of them."""
+        taken = {robot for robots in roles.values() for robot in robots}
+        asked = mission.config.roles.values()
+        meant = {each.name for each in self._candidates() if any(is_meant(each, role) for role in asked)}
+        return meant - taken
+
+    def _free(self, run: str) -> list[Candidate]:
+        """Return what each robot can and is now; one that has joined ``run`` already is free for it.
+
+        After a restart robots belong to the runs that are taken up, before they know it themselves.
+        """
+        has = {member.robot: each.id for each in self._runs() for member in each.engine.robots.ours()}
+        found = []
+        for each in self._candidates():
+            now = has.get(each.name, each.run)
+            found.append(msgspec.structs.replace(each, run="" if now == run else now))
+        return found
+
+
+def _require_rehearsal(mission: Mission) -> None:
+    """Raise Refused for a mission that must be rehearsed."""
+    if mission.config.rehearse == "required":
+        raise Refused("the mission must be rehearsed first, and rehearsals are not built yet")
+
+
+def needs_of(program: Program) -> dict[str, frozenset[str]]:
+    """Return what the steps ask of each role: commands by name, goto, path and plan."""
+    needs: dict[str, set[str]] = {role: set() for role in program.quorum}
+    for step in program.steps:
+        if not isinstance(step, Do):
+            continue
+        for acts in (step.acts, step.undo):
+            for role, each in acts.items():
+                words = {str(act.value) if act.verb == "command" else act.verb for act in each}
+                for name in needs if role == "all" else (role,):
+                    needs[name] |= words
+    return {role: frozenset(words) for role, words in needs.items()}
