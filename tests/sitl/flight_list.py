@@ -39,7 +39,7 @@ def flavour(it):
 
 async def meets(it):
     """Hear it, and let it tell where it is."""
-    await it.until(lambda: it.adapter._session and it.state.home_altitude is not None, LONG)
+    await it.until(lambda: it.robot.is_connected and it.state.home_altitude is not None, LONG)
     await it.until(lambda: any(isinstance(each, PoseReport) for each in it.robot.reports), LONG)
 
 
@@ -256,7 +256,7 @@ async def fly(it, note):
             await step(it)
         except (AssertionError, CommandError, TimeoutError, pytest.fail.Exception) as error:
             note(f"FAILED {step.__name__} after {loop.time() - began:.1f} s: {error}")
-            for said in list(it.adapter._session.vehicle.sentences)[-10:] if it.adapter._session else ():
+            for said in list(it.adapter._session.vehicle.sentences)[-10:] if it.robot.is_connected else ():
                 note(f"    it said: {said.text}")
             raise
         note(f"ok     {step.__name__} {loop.time() - began:.1f} s")

@@ -38,7 +38,7 @@ async def write(it, *values):
 
 async def takes_off(it):
     """Get ready and climb."""
-    await it.until(lambda: it.adapter._session and it.state.home_altitude is not None, LONG)
+    await it.until(lambda: it.robot.is_connected and it.state.home_altitude is not None, LONG)
     await it.until(lambda: it.state.estimator_has_position and it.state.prearm_ok, LONG)
     await it.do("takeoff", altitude=HEIGHT)
 

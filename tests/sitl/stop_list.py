@@ -32,7 +32,7 @@ def speed(it):
 
 async def is_met_and_named(it, _other):
     """Hear it, and let it tell what it is and where."""
-    await it.until(lambda: it.adapter._session and it.state.estimator_has_position, LONG)
+    await it.until(lambda: it.robot.is_connected and it.state.estimator_has_position, LONG)
     await it.until(lambda: it.state.home is not None and it.state.prearm_ok, LONG)
     for kind in (PoseReport, GpsReport, FlightControllerReport):
         await it.until(lambda kind=kind: any(isinstance(each, kind) for each in it.robot.reports), LONG)

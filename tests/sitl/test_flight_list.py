@@ -21,7 +21,7 @@ async def test_an_autopilot_flies_the_list(sitl, module_at, address):
     lines = [f"flight list on {address}"]
     try:
         async with sitl(link, int(system or 1)) as it:
-            await it.until(lambda: it.adapter._session and it.state.heartbeat, 60.0)
+            await it.until(lambda: it.robot.is_connected and it.state.heartbeat, 60.0)
             if it.adapter._session.vehicle.flavour is None:
                 return  # not flown here
             await module_at("sitl/flight_list.py").fly(it, lines.append)
@@ -42,7 +42,7 @@ async def test_a_loss_is_told_with_its_reason(sitl, module_at, address, loss):
     assert address, "say where the autopilot is: FLEET_SITL=udpin:0.0.0.0:14550"
     link, _, system = address.partition("#")
     async with sitl(link, int(system or 1)) as it:
-        await it.until(lambda: it.adapter._session and it.state.heartbeat, 60.0)
+        await it.until(lambda: it.robot.is_connected and it.state.heartbeat, 60.0)
         if it.adapter._session.vehicle.flavour is None:
             return  # what is not flown here is tried by the next test
         for step in module_at("sitl/loss_list.py").LISTS[loss]:
@@ -56,7 +56,7 @@ async def test_a_vehicle_that_another_station_moves_is_stopped(sitl, module_at, 
     assert address, "say where the autopilot is: FLEET_SITL=udpin:0.0.0.0:14550"
     link, _, system = address.partition("#")
     async with sitl(link, int(system or 1)) as it:
-        await it.until(lambda: it.adapter._session and it.state.heartbeat, 60.0)
+        await it.until(lambda: it.robot.is_connected and it.state.heartbeat, 60.0)
         other = module_at("sitl/other_station.py").OtherStation(it)
         for step in module_at("sitl/stop_list.py").steps_for(it):
             await step(it, other)
