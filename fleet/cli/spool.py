@@ -9,6 +9,7 @@ from pathlib import Path
 import click
 import msgspec
 
+from fleet.cli.interrupt import end_at_once, raise_from_now_on
 from fleet.cli.output import Output, counted, with_output
 from fleet.config.load import sections_of
 from fleet.spool import inspection
@@ -82,9 +83,24 @@ def export(out: Output, file: str) -> None:
         out.say(f"{time.strftime('%Y-%m-%dT%H:%M:%SZ', time.gmtime(message.expires))} {message.topic} {text}")
 
 
+def _confirmed(ctx: click.Context, _: click.Parameter, value: bool) -> None:  # noqa: FBT001 - click's signature
+    """Ask for confirmation. Ctrl-C ends the process by the signal itself, because nothing is under way.
+
+    Python's own handler only notes the signal. One that arrives just before the blocking read of the answer
+    would be acted upon only after the next key.
+    """
+    ends = end_at_once()
+    try:
+        if not value and not click.confirm("Delete all that waits for the cloud?"):
+            ctx.abort()
+    finally:
+        if ends:
+            raise_from_now_on()
+
+
 @spool.command()
 @file_option
-@click.confirmation_option(prompt="Delete all that waits for the cloud?", help="Do not ask.")
+@click.option("--yes", is_flag=True, callback=_confirmed, expose_value=False, help="Do not ask.")
 @with_output
 def purge(out: Output, file: str) -> None:
     """Delete all that waits; it will never reach the cloud.
