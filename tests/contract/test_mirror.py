@@ -81,6 +81,7 @@ ELSEWHERE = {
     "missions/ending.py": "fleet/missions/test_engine_life.py",
     "missions/engine.py": "fleet/missions/test_engine_life.py",
     "missions/facts.py": "fleet/missions/test_engine_life.py",
+    "missions/filling.py": "fleet/missions/test_roles.py",
     "missions/messages.py": "fleet/missions/test_runs.py",
     "missions/model.py": "fleet/missions/test_roles.py",
     "missions/program.py": "fleet/missions/test_store.py",

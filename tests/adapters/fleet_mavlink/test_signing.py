@@ -111,8 +111,7 @@ def test_px4_does_not_sign_and_says_so(fly, sky):
 def test_an_unsigned_vehicle_is_not_believed(fly, sky):
     async def main():
         async with sky("ardupilot", signing_key="correct horse") as it:
-            await it.until(lambda: it.robot.healths)
-            assert UNSIGNED in it.robot.healths[-1].cause
+            await it.until(lambda: it.robot.healths and UNSIGNED in it.robot.healths[-1].cause)
             assert it.state.heartbeat is None
             assert it.adapter._session.vehicle.trust.counts[UNSIGNED] > 0
 
