@@ -29,7 +29,7 @@ def test_what_to_try_is_said_of_the_robot_that_is_there(one):
 
 
 def test_a_demo_of_nothing_is_a_usage_error_and_starts_nothing(fleet):
-    result = fleet("demo", "--drones", "0", "--ugvs", "0")
+    result = fleet("demo", "--drones", "0", "--ugvs", "0", "--dogs", "0")
     assert result.code == 2
     assert "ask for one of --drones, --ugvs, --dogs" in result.err
 
