@@ -20,7 +20,7 @@ def test_each_file_has_twins_of_its_own(fleet, place):
     fleet("init", "a")
     fleet("init", "b")
     twins = [set(_UUID.findall((place / each / "fleet.yaml").read_text())) for each in "ab"]
-    assert len(twins[0] | twins[1]) == 4
+    assert len(twins[0] | twins[1]) == 6
 
 
 def test_what_it_writes_passes_the_check(fleet, place):
