@@ -113,7 +113,7 @@ def test_the_prefix_of_the_file_wins_even_when_it_is_empty(given, environ, prefi
 
 
 def test_a_robot_that_does_not_listen_to_a_topic_is_not_asked_on_it_though_it_says_nothing_else():
-    deaf = robot(listen={"motion/command": {"on": False}})
+    deaf = robot(inbound={"motion/command": {"on": False}})
     usual = AdapterConfig(name="kestrel", twin=OTHER)
     books = bridge_rules(cloud(), [deaf, usual]).twins
     assert "motion/command" not in books[TWIN].inward
