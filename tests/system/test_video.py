@@ -12,7 +12,7 @@ import pytest
 
 from fleet.testing.waiting import wait_until
 
-PLUGINS = Path(__file__).parents[2] / "fleet" / "testing" / "plugins"
+PLUGINS = Path(__file__).parents[2] / "tests" / "tools" / "plugins"
 
 WATCH = """async offer => {
     window.candidates = [];
