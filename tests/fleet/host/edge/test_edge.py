@@ -213,7 +213,7 @@ async def test_an_edge_that_the_broker_does_not_let_hear_its_commands_says_so(ya
     client = edge.bridge.client
     client.state = CloudState.CONNECTED
     for client.cause in ("the broker refuses the subscription T command (NOT_AUTHORIZED)", ""):
-        assert edge._cloud_health() == (Health(Level.DEGRADED, client.cause) if client.cause else Health())
+        assert edge.bridge.health == (Health(Level.DEGRADED, client.cause) if client.cause else Health())
     async with run_edge(edge):
         pass
 
