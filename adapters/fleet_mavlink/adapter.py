@@ -12,16 +12,16 @@ from fleet import (
     Health,
     Level,
     Limits,
+    LinkError,
     NotReady,
     Progress,
     Range,
     Refused,
+    Separation,
     Task,
     Velocity,
     command,
 )
-from fleet.errors import LinkError
-from fleet.robot_config import Separation
 from fleet.sim.process import SimProcess
 from fleet_mavlink.config import MavlinkConfig
 from fleet_mavlink.constants import Landed

@@ -11,20 +11,21 @@ from typing import Annotated, ClassVar, TypeVar
 
 from fleet import (
     Adapter,
+    JointRange,
+    LatestMotion,
     Limits,
+    Link,
     NotReady,
     Range,
     Refused,
     Robot,
+    Separation,
     Velocity,
     command,
+    opened_link,
+    parse_link_url,
+    photograph,
 )
-from fleet.camera.picture import photograph
-from fleet.link.base import Link
-from fleet.link.latest_motion import LatestMotion
-from fleet.link.url import opened_link, parse
-from fleet.model.joints import JointRange
-from fleet.robot_config import Separation
 from fleet.sim.process import SimProcess
 from fleet_ugv.board import Board, Inbox
 from fleet_ugv.codecs.waveshare import GIMBAL_SPEED
@@ -78,7 +79,7 @@ class UgvAdapter(Adapter[UgvConfig]):
         url = await self._url()
         inbox = Inbox(self.config, self.robot.clock)
         self._link = await self.robot.enter(opened_link(url, inbox.arrived))
-        slot = LatestMotion(self._link, self.robot.clock, baud=parse(url).baud)
+        slot = LatestMotion(self._link, self.robot.clock, baud=parse_link_url(url).baud)
         self._board = Board(self.config, self.robot, Observer(self.config, self._odometry), inbox, slot)
         self._board.begin(self._link)
 

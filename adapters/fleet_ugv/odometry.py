@@ -10,8 +10,7 @@ import math
 
 import msgspec
 
-from fleet import Pose, Vector3, quaternion_from_yaw
-from fleet.model.geometry import wrap_angle
+from fleet import Pose, Vector3, quaternion_from_yaw, wrap_angle
 from fleet_ugv.model import Feedback
 
 GAP = 1.0  # s without feedback after which the motion in between counts as unknown

@@ -16,9 +16,9 @@ from fleet.commands import CommandSpec, arguments
 from fleet.errors import Fault, LinkLost, NotReady, Refused
 from fleet.link.base import Address, Link
 from fleet.link.framing import Framer
-from fleet.link.latest_motion import Frames, LatestMotion
-from fleet.link.motion_sender import LOOK, MotionSender
-from fleet.link.url import opened_link, parse
+from fleet.link.latest_motion import LatestMotion, MotionFrames
+from fleet.link.motion_sender import POLL_INTERVAL, MotionSender
+from fleet.link.url import opened_link, parse_link_url
 from fleet.model.command import Command
 from fleet.model.geometry import Velocity
 from fleet.model.health import Health, Level
@@ -41,7 +41,7 @@ class FrameAdapterRunner(Adapter[Any]):
         if not self._last_resort:
             raise Fault(f"{type(inner).__name__}.halt() yields no frame", hint="a robot must be stoppable")
         # One that listens does not know whom to greet until the robot speaks.
-        self._robot_speaks_first = parse(inner.config.link).scheme == "udpin"
+        self._robot_speaks_first = parse_link_url(inner.config.link).scheme == "udpin"
         self._peer: Address = None
         self._session: _Session
         self._link: Link
@@ -52,7 +52,7 @@ class FrameAdapterRunner(Adapter[Any]):
         """Open the link and greet; raises LinkLost or LinkRefused."""
         url, self._session = self.config.link, _Session(self)
         self._link = await self.robot.enter(opened_link(url, self._session.arrived))
-        self._slot = LatestMotion(self._link, self.robot.clock, baud=parse(url).baud)
+        self._slot = LatestMotion(self._link, self.robot.clock, baud=parse_link_url(url).baud)
         self._motion = MotionSender(
             self._slot, self.robot.clock, encode=self._encode, stop=self._halt_frames, every=self.inner.repeat
         )
@@ -97,7 +97,7 @@ class FrameAdapterRunner(Adapter[Any]):
         """Write this velocity and go on repeating it; raises NotReady when the link is gone."""
         self._motion.drive(velocity)
 
-    def _encode(self, velocity: Velocity) -> Frames:
+    def _encode(self, velocity: Velocity) -> MotionFrames:
         """Translate a velocity."""
         return tuple(self.inner.drive(velocity))
 
@@ -110,7 +110,7 @@ class FrameAdapterRunner(Adapter[Any]):
         else:
             self._ready(frames)
 
-    def _frames_of(self, spec: CommandSpec, command: Command) -> Frames:
+    def _frames_of(self, spec: CommandSpec, command: Command) -> MotionFrames:
         """Translate a command; what its data makes the translation raise is the asker's fault."""
         try:
             return tuple(getattr(self.inner, spec.method)(**arguments(spec, command.data)))
@@ -118,7 +118,7 @@ class FrameAdapterRunner(Adapter[Any]):
             _log.warning("%s: %s cannot be encoded: %r", self.config.name, command.name, error)
             raise Refused(f"{command.name} cannot be encoded: {error!r}", hint="check its data") from error
 
-    def _ready(self, frames: Frames) -> None:
+    def _ready(self, frames: MotionFrames) -> None:
         """Write frames of a command that moves nothing."""
         try:
             self.write(frames)
@@ -143,7 +143,7 @@ class FrameAdapterRunner(Adapter[Any]):
         """Write the safe-stop frames at once and forget the velocity; from any thread."""
         self._motion.halt()
 
-    def _halt_frames(self) -> Frames:
+    def _halt_frames(self) -> MotionFrames:
         """Return fresh stop frames, or those of the start: a bug must not keep a robot moving."""
         try:
             return tuple(self.inner.halt()) or self._last_resort
@@ -170,7 +170,7 @@ class _Session:
         """Ask the host for periodic calls, and take what has arrived while the link was being opened."""
         inner = self._inner
         self._heard = self._robot.clock.monotonic()  # the line may have taken long to open
-        self._robot.every(LOOK, motion.look)
+        self._robot.every(POLL_INTERVAL, motion.look)
         self._robot.every(inner.tick_every, self._tick)
         if inner.silence > 0:
             self._robot.every(inner.silence / 4, self._listen)

@@ -26,7 +26,7 @@ from fleet.model.navigation import FlyMission, FollowPath, Goal, GoTo, RelativeM
 from fleet.model.polygon import Polygon
 from fleet.model.report import BatteryReport, FlightControllerReport, PoseReport, Report
 from fleet.robot_config import AdapterConfig, FenceConfig, Limits
-from fleet.runtime.decoding import convert
+from fleet.runtime.decoding import convert_strictly
 
 STALE = 1.0  # s after which a pose is too old to keep a fence by
 BEGINNINGS = frozenset({"takeoff", "arm"})
@@ -89,7 +89,7 @@ class MotionGuard:
                 free=lambda: not self.taken and robot.free,
             )
         place = config.origin
-        self._origin = None if place is None else convert(place, GeoOrigin, from_attributes=True)
+        self._origin = None if place is None else convert_strictly(place, GeoOrigin, from_attributes=True)
         self._home: GeoPoint | None = None
         self._pose: Pose | None = None
         self._seen = 0.0
