@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 from fleet.version import __version__
 
 if TYPE_CHECKING:
-    from fleet.adapter import Adapter, FrameAdapter, Robot, Send
+    from fleet.adapter import ADAPTER_API, Adapter, FrameAdapter, Robot, Send, Until
     from fleet.camera.picture import CameraText, photograph
     from fleet.clock import Clock, SystemClock
     from fleet.commands import Range, command
@@ -98,7 +98,7 @@ if TYPE_CHECKING:
     from fleet.yaml_model import ExistingPath, Model, NewPath
 
 _HOME = {
-    "fleet.adapter": ("Adapter", "FrameAdapter", "Robot", "Send"),
+    "fleet.adapter": ("ADAPTER_API", "Until", "Adapter", "FrameAdapter", "Robot", "Send"),
     "fleet.camera.picture": ("CameraText", "photograph"),
     "fleet.clock": ("Clock", "SystemClock"),
     "fleet.commands": ("Range", "command"),
@@ -184,6 +184,7 @@ _HOME = {
 _MODULE_OF = {name: module for module, names in _HOME.items() for name in names}
 
 __all__ = [
+    "ADAPTER_API",
     "POLL_INTERVAL",
     "STANDARD_ID",
     "ZERO_VELOCITY",
@@ -265,6 +266,7 @@ __all__ = [
     "TelemetryReport",
     "TimedOut",
     "Unsupported",
+    "Until",
     "Vector3",
     "Velocity",
     "__version__",

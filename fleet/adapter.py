@@ -114,10 +114,16 @@ class Robot(Protocol):
         """
 
 
+ADAPTER_API = 1
+"""The version of this API. An adapter written for another one is refused when it is loaded; a change that
+breaks adapters raises it, and the version before is accepted, with a warning, for one minor release."""
+
+
 class AdapterBase(ABC, Generic[ConfigT]):
     """The declarations that both kinds of adapter share."""
 
     Config: ClassVar[type[AdapterConfig]]
+    api: ClassVar[int] = 1  # the version of this API that the adapter was written for, as in ADAPTER_API
     limits: ClassVar[Limits] = Limits()
     separation: ClassVar[Separation] = Separation(radius=1.0, braking=0.5, precedence=2)
     holonomic: ClassVar[bool] = False  # it also moves sideways; else such velocities are refused
@@ -247,13 +253,22 @@ class Send(msgspec.Struct, frozen=True):
     frame: bytes
 
 
+class Until(msgspec.Struct, frozen=True):
+    """A command of a FrameAdapter goes on once ``seen()`` is True; it is asked after each decoded frame.
+
+    What the command yields after it is written then; after the last one, the command is done.
+    """
+
+    seen: Callable[[], bool]
+
+
 class FrameAdapter(AdapterBase[ConfigT]):
     """A robot that speaks frames over a link: pure translation, no I/O, no clock, no task.
 
     ``Config`` must have a ``link`` field. The host opens it, cuts the bytes into frames by ``framing``,
     calls back, writes what is yielded, repeats the last velocity every ``repeat`` seconds while its lease
     lives, and calls ``tick`` every ``tick_every`` seconds. A command is a method marked ``@command`` that
-    yields its frames.
+    yields its frames, and ``Until`` where it has to wait for what the robot reports.
     """
 
     framing: ClassVar[Framing] = LineFraming()
@@ -280,8 +295,11 @@ class FrameAdapter(AdapterBase[ConfigT]):
         raise Unsupported(f"{type(self).__name__} takes no joint targets")
 
     @abstractmethod
-    def decode(self, frame: bytes, stamp: float) -> Iterable[Report | Send]:
-        """Yield what one frame says, measured at ``stamp`` (Unix s); nothing for noise."""
+    def decode(self, frame: bytes, stamp: float) -> Iterable[Report | Send | Health]:
+        """Yield what one frame says, measured at ``stamp`` (Unix s); nothing for noise.
+
+        A ``Health`` counts until the next one; a robot that never yields one is ok while it is understood.
+        """
 
     @abstractmethod
     def halt(self) -> Iterable[bytes]:

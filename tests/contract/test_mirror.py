@@ -64,6 +64,7 @@ ELSEWHERE = {
     "host/requests/last_command.py": "fleet/host/robot/test_controller.py",
     "host/requests/stop_cause.py": "fleet/host/requests/test_history_recorder.py",
     "host/robot/dry_run.py": "fleet/host/robot/test_local_robot.py",
+    "host/robot/frame_commands.py": "fleet/host/robot/test_frame_adapter_runner.py",
     "host/robot/own_commands.py": "fleet/host/robot/test_controller.py",
     "host/robot/run_commands.py": "fleet/host/robot/test_controller.py",
     "host/robot/standstill.py": "fleet/host/test_invariants.py",

@@ -7,13 +7,13 @@ from __future__ import annotations
 
 import asyncio
 import logging
-import struct
 from collections.abc import Iterable, Mapping
 from typing import Any
 
 from fleet.adapter import Adapter, FrameAdapter, Robot, Send
-from fleet.commands import CommandSpec, arguments
-from fleet.errors import Fault, LinkLost, NotReady, Refused
+from fleet.commands import CommandSpec
+from fleet.errors import Fault, LinkLost
+from fleet.host.robot.frame_commands import FrameCommands
 from fleet.link.base import Address, Link
 from fleet.link.framing import Framer
 from fleet.link.latest_motion import LatestMotion, MotionFrames
@@ -26,7 +26,6 @@ from fleet.model.joints import JointRange
 from fleet.model.report import Report
 from fleet.runtime.exception_barrier import failure_of
 
-_BAD_DATA = (LookupError, TypeError, ValueError, ArithmeticError, AttributeError, struct.error)
 _log = logging.getLogger(__name__)
 
 
@@ -47,6 +46,7 @@ class FrameAdapterRunner(Adapter[Any]):
         self._link: Link
         self._slot: LatestMotion
         self._motion: MotionSender
+        self._commands: FrameCommands
 
     async def connect(self) -> None:
         """Open the link and greet; raises LinkLost or LinkRefused."""
@@ -56,6 +56,7 @@ class FrameAdapterRunner(Adapter[Any]):
         self._motion = MotionSender(
             self._slot, self.robot.clock, encode=self._encode, stop=self._halt_frames, every=self.inner.repeat
         )
+        self._commands = FrameCommands(self.inner, self._motion, self.write)
         if not self._robot_speaks_first:
             self._leave_halt()
             self.write(self.inner.hello())
@@ -102,28 +103,12 @@ class FrameAdapterRunner(Adapter[Any]):
         return tuple(self.inner.drive(velocity))
 
     async def perform(self, spec: CommandSpec, command: Command) -> None:
-        """Write the frames of a declared command; raises Refused, Unsupported or NotReady."""
-        turn = self._motion.turn
-        frames = self._frames_of(spec, command)
-        if spec.moves:
-            self._motion.carry_out(frames, turn)
-        else:
-            self._ready(frames)
+        """Carry out a declared command; raises as ``FrameCommands.perform``."""
+        await self._commands.perform(spec, command)
 
-    def _frames_of(self, spec: CommandSpec, command: Command) -> MotionFrames:
-        """Translate a command; what its data makes the translation raise is the asker's fault."""
-        try:
-            return tuple(getattr(self.inner, spec.method)(**arguments(spec, command.data)))
-        except _BAD_DATA as error:
-            _log.warning("%s: %s cannot be encoded: %r", self.config.name, command.name, error)
-            raise Refused(f"{command.name} cannot be encoded: {error!r}", hint="check its data") from error
-
-    def _ready(self, frames: MotionFrames) -> None:
-        """Write frames of a command that moves nothing."""
-        try:
-            self.write(frames)
-        except LinkLost as error:
-            raise NotReady(str(error), hint="the link is being opened again") from error
+    def decoded(self) -> None:
+        """Let commands go on that have waited for what the last frame showed."""
+        self._commands.decoded()
 
     def joint_ranges(self) -> Mapping[str, JointRange]:
         """Return the joints that take targets."""
@@ -213,12 +198,16 @@ class _Session:
             self._say(said)
             if not self._understood:
                 self._understood = True
-                self._robot.health(Health())
+                if not isinstance(said, Health):
+                    self._robot.health(Health())
+        self._framed.decoded()
 
-    def _say(self, said: Report | Send) -> None:
-        """Publish a report, or write an answer."""
+    def _say(self, said: Report | Send | Health) -> None:
+        """Publish a report or a health, or write an answer."""
         if isinstance(said, Send):
             self._framed.write((said.frame,))
+        elif isinstance(said, Health):
+            self._robot.health(said)
         else:
             self._robot.report(said)
 
