@@ -60,7 +60,8 @@ class MavlinkAdapter(PayloadCommands, UpkeepCommands):
     async def connect(self) -> None:
         """Open the link, or share it; raises LinkLost or LinkRefused."""
         config, robot = self.config, self.robot
-        robot.health(Health(Level.OFFLINE, f"no heartbeat from system {config.system_id} yet"))
+        where = f"system {config.system_id} on {config.link}"
+        robot.health(Health(Level.OFFLINE, f"no heartbeat from {where} yet"))
         urls = [config.link, *config.backup_links]
         if config.simulated:
             self._sim = await robot.enter(robot.share(_SIMULATOR, lambda: SimProcess(_SIMULATOR)))

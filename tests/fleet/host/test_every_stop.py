@@ -23,6 +23,7 @@ from fleet.host.workers.remote_robot import RemoteRobot
 from fleet.model.geometry import Velocity
 from fleet.runtime.rate_limited_counter import RateLimitedCounter
 from fleet.testing.clock import ManualClock
+from fleet.testing.robot import RecordingRobot
 from fleet.testing.waiting import wait_until
 from fleet.wire.rulebook import of_a_twin, rulebook
 from fleet.wire.topics import Topics
@@ -110,7 +111,7 @@ class Rig:
             clock=self.clock,
         )
         self.robot: LocalRobot = self.process.robots["rex"]
-        self.puppet = puppet(self.config)
+        self.puppet = puppet(self.config, RecordingRobot())
         self.robot.controller.attach(self.puppet)
         self.robot.controller.found()
         self.process._declare(self.robot)
