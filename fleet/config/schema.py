@@ -301,7 +301,7 @@ class Sections(Model):
     remote_workers: frozenset[Name] = Field(
         frozenset(),
         description="Workers that somebody starts on another computer, with "
-        "python -m fleet.host.workers.worker_process and a copy of this file whose bus.connect is this edge; "
+        "fleet run --worker NAME and a copy of this file whose bus.connect is this edge; "
         "the edge itself starts only the others.",
     )
     defaults: dict[str, Any] = Field(

@@ -2,8 +2,7 @@
 
 It joins the edge's bus and runs its robots. Its links, dead-men and stops are here; the edge reaches it only
 over the bus. Started by the edge, which says on its standard input what it is to run, without the edge's
-environment; or by hand on another machine, with a copy of fleet.yaml:
-``python -m fleet.host.workers.worker_process --name arm --config fleet.yaml``.
+environment; or on another computer, with a copy of fleet.yaml: ``fleet run --worker arm fleet.yaml``.
 """
 
 from __future__ import annotations
@@ -38,9 +37,6 @@ from fleet.host.workers.reload import RELOADED, Reload
 from fleet.host.workers.worker_task import Importer, WorkerTask, read_task, task_of
 from fleet.runtime.event_loop import run as run_loop
 from fleet.supervisor.client import connect_supervisor
-from fleet.supervisor.notices import print_in_thread
-from fleet.supervisor.sockets import VARIABLE, socket_of
-from fleet.supervisor.supervisor import Supervisor
 
 log = logging.getLogger(__name__)
 
@@ -131,10 +127,6 @@ def main() -> int:
     if (given.name is None) != (given.config is None):
         parser.error("--name and --config come together")
     start_logging(LogSettings(logging.INFO))
-    if given.parent is None and VARIABLE not in os.environ:  # by hand: nobody else would halt its robots
-        command = [sys.executable, "-P", "-m", "fleet.host.workers.worker_process", *sys.argv[1:]]
-        path = socket_of(runtime_dir(), os.getpid())
-        return Supervisor(command, path=path, told=print_in_thread, clock=SystemClock()).run()
     try:
         if given.config is None:
             task = read_task(sys.stdin.buffer.read())
