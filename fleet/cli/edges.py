@@ -153,7 +153,7 @@ class Edges:
         raise TimedOut(f"{robot.name} does not say what it takes: {robot.cause or 'its process is silent'}")
 
     def lane_of(self, robot: RobotState) -> ZenohSession | None:
-        """Return the lane by which a robot's state came, None for one that nobody speaks for."""
+        """Return the bus session by which a robot's state came, None for one that nobody speaks for."""
         return self._ways.get((robot.edge, robot.name))
 
     def command(

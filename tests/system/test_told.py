@@ -86,7 +86,7 @@ def test_what_befalls_a_robot_is_told_in_the_cloud_to_its_end(rex):
     rex.say("command", command="emergency_stop", data={}, session_id="anna")
     event = rex.heard("event", "the stop", lambda event: event["event_type"] == "emergency_stop")
     assert (event["source"], event["data"]["severity"]) == ("fleet", "critical")
-    if rex.worker == "main":  # a worker hears of it first on the bus's stop lane, which names nobody
+    if rex.worker == "main":  # a worker hears of it first on the bus's stop key, which names nobody
         assert event["data"]["asker"] == {"way": "cloud", "name": "anna", "source_type": "tele"}
 
     assert rex.command("unplug")["status"] == "ok"

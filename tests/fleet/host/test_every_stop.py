@@ -34,7 +34,7 @@ T = f"cyberwave/twin/{TWIN}"
 HANGS = 20.0  # s that a journal which is blocked stays so, unless it is freed
 
 
-class FakeLane:
+class FakeSession:
     """The bus of one computer, in memory: whoever asks and publishes is served at once."""
 
     def __init__(self):
@@ -98,7 +98,7 @@ class Rig:
     """One robot and all the ways to it; with ``worker`` it runs in one, behind the edge's side of it."""
 
     def __init__(self, puppet, *, worker):
-        self.clock, self.bus_session, self.journal = ManualClock(), FakeLane(), FakeJournal()
+        self.clock, self.bus_session, self.journal = ManualClock(), FakeSession(), FakeJournal()
         self.write = lambda: None  # what the history does with an event
         self.config = puppet.Config(name="rex", twin=TWIN)
         loop = asyncio.get_running_loop()

@@ -13,7 +13,7 @@ from fleet.model.command import Command, Reply, ReplyStatus
 from fleet.testing.clock import ManualClock
 
 
-class FakeLane:
+class FakeSession:
     """A lane whose programs answer when the test says so."""
 
     def ask_later(self, key, payload, *, timeout, on_answer, on_end):
@@ -23,7 +23,7 @@ class FakeLane:
 
 @pytest.fixture
 def bus_session():
-    return FakeLane()
+    return FakeSession()
 
 
 @pytest.fixture
