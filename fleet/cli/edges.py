@@ -152,7 +152,7 @@ class Edges:
             return found
         raise TimedOut(f"{robot.name} does not say what it takes: {robot.cause or 'its process is silent'}")
 
-    def lane_of(self, robot: RobotState) -> ZenohSession | None:
+    def session_of(self, robot: RobotState) -> ZenohSession | None:
         """Return the bus session by which a robot's state came, None for one that nobody speaks for."""
         return self._ways.get((robot.edge, robot.name))
 
@@ -160,7 +160,7 @@ class Edges:
         self, robot: RobotState, payload: bytes, *, kind: str, wait: bool, timeout: float
     ) -> Iterator[Reply]:
         """Ask a robot at once; what is returned yields the receipt and, when waited for, the end."""
-        bus_session = self.lane_of(robot)
+        bus_session = self.session_of(robot)
         if bus_session is None:
             return iter(())
         parameters = {"kind": kind, "wait": "1" if wait else "0"}

@@ -50,7 +50,7 @@ def opened(tmp_path, clock):
 
 @pytest.fixture
 def restarted(opened, make_bench):
-    """Return a journal of a new process."""
+    """Return the controller of a robot in a new process."""
 
     def restarted():
         return make_bench(journal=opened().robot("rex"))
