@@ -61,8 +61,9 @@ class Admission:
         if ask.name in STOP_WORDS:
             return None
         ends_a_stop = ask.name == RELEASE or (moves and not safe)
+        asked_for = ask.name == JOIN and not ask.origin.session.startswith(RUN_SESSION)  # by its starter
         refusal = self._policy_refusal(ask) or self._age(
-            _asker(ask.origin), ask.stamp, self._command_max_age, moves=ends_a_stop or ask.name == JOIN
+            _asker(ask.origin), ask.stamp, self._command_max_age, moves=ends_a_stop or asked_for
         )
         refusal = refusal or self._standing(ask, moves=moves, safe=safe)
         if refusal is None and ends_a_stop and ask.name != RELEASE:
