@@ -124,6 +124,8 @@ class Edge:
             self.missions = Missions(loaded, self.process, self.remote, folder, self._stop_robots)
             undo.callback(self.missions.close)
             self.bridge = self._bridge([robot for robot, _ in loaded.robots])
+            if self.bridge is not None:
+                self.missions.workflows.publish = self.bridge.voice.status
             self._presence = CloudPresence(self.bridge, self.process.supervised) if self.bridge else None
             if self._presence is not None:
                 self.process.on_holder = self._presence.hold
@@ -308,6 +310,7 @@ class Edge:
             claimed=self.cloud_claims.heard,
             clock=self._clock,
             spool=Spool(spool_settings(self._config), self._clock),
+            handlers=self.missions.workflows.handlers,
         )
 
     def _declare(self, ended: asyncio.Event) -> None:

@@ -16,6 +16,7 @@ from fleet.config.load import Loaded
 from fleet.config.missions import Mission, mission_of
 from fleet.config.places import places_of
 from fleet.errors import Refused, WireError
+from fleet.host.edge.cloud_workflows import CloudWorkflows
 from fleet.host.edge.mission_robots import RobotElsewhere, RobotHere, can, trouble
 from fleet.host.edge.mission_starter import MissionStarter
 from fleet.host.edge.start_requests import StartRequests
@@ -108,6 +109,14 @@ class Missions:
             clock=process.clock,
         )
         process.outbox.navigates = self.plans.navigates
+        self.workflows = CloudWorkflows(
+            config.cloud.workflows if config.cloud else {},
+            self._missions,
+            self.runs,
+            self.starts,
+            record=process.history.add,
+            clock=process.clock,
+        )
         process.on_stop = self.stopped
 
     def _soon(self, call: Callable[[], None]) -> None:
@@ -230,6 +239,7 @@ class Missions:
             reason = f": {state.reason}" if state.reason else ""
             self._record(state, EventKind.OUTCOME, f"mission {state.mission} {state.outcome}{reason}")
         self.plans.told(state)
+        self.workflows.told(state)
         publisher = self._states.wanted(keys.run(self._edge, state.run))
         if publisher is not None:
             publisher.put(_encode(state))
