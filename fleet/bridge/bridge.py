@@ -48,9 +48,9 @@ class BridgeRules(msgspec.Struct, frozen=True):
 
     twins: Mapping[str, Rulebook]
     environments: Mapping[str, Rulebook] = {}
-    workflows: Mapping[str, Rulebook] = {}
     any_run: Rulebook | None = None
     ignored_edges: frozenset[str] = frozenset()
+    workflows: Mapping[str, Rulebook] = {}
 
 
 class Bridge:

@@ -50,7 +50,6 @@ ELSEWHERE = {
     "host/edge/metrics_port.py": "fleet/host/test_two_edges.py",
     "host/edge/mission_robots.py": "fleet/missions/test_runs.py",
     "host/edge/missions.py": "fleet/missions/test_runs.py",
-    "host/edge/start_requests.py": "fleet/host/edge/test_twin_plans.py",
     "host/edge/webhook.py": "fleet/host/edge/test_notifier.py",
     "host/follow/goal_follower.py": "fleet/host/robot/test_navigator.py",
     "host/follow/leg_follower.py": "adapters/fleet_quadruped/test_navigation.py",

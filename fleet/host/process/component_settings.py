@@ -93,9 +93,9 @@ def bridge_rules(cloud: CloudConfig, robots: Iterable[AdapterConfig]) -> BridgeR
     return BridgeRules(
         twins,
         {str(uuid): of_an_environment(everyone) for uuid in cloud.environments},
-        {str(uuid): of_a_workflow(everyone) for uuid in cloud.workflows},
         any_run if any_run.inward else None,
         cloud.ignore_edges,
+        {str(uuid): of_a_workflow(everyone) for uuid in cloud.workflows},
     )
 
 
