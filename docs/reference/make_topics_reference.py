@@ -257,7 +257,8 @@ def topic(suffix: str) -> str:
     namespace, _, rest = suffix.partition(":")
     if namespace not in NAMESPACES:
         return f"`T {suffix}`".replace("+", "{client_id}")
-    return f"`J {rest}`" if namespace == "joint" else f"`{namespace}/{{uuid}}/{rest}`".replace("+", "{type}")
+    level = "{execution}" if namespace == "workflow" else "{type}"
+    return f"`J {rest}`" if namespace == "joint" else f"`{namespace}/{{uuid}}/{rest}`".replace("+", level)
 
 
 def size(count: int) -> str:

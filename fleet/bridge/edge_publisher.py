@@ -99,6 +99,15 @@ class EdgePublisher:
         self.said.add(TrafficClass.LATEST)
         self._publish(self._topics.twin(port.twin, "pong:response"), payload)
 
+    def status(self, uuid: str, suffix: str, payload: bytes) -> None:
+        """Publish a status at once, on the topic of a suffix; it is kept until the cloud has it."""
+        rule = rule_of(suffix)
+        self.said.add(TrafficClass.STATUS)
+        topic = self._topics.twin(uuid, suffix)
+        self._publish(
+            topic, payload, qos=1, expiry=(rule and rule.max_age) or None, traffic=TrafficClass.STATUS
+        )
+
     def answer(self, topic: str, payload: bytes, *, correlation: bytes | None = None) -> None:
         """Publish an answer at once; nobody waits for it longer than its rule says."""
         parsed = self._topics.parse(topic)

@@ -245,19 +245,12 @@ def _sent(what: str, robots: tuple[str, ...]) -> tuple[str, dict[str, object] | 
 def plan_mission(path: Path) -> dict[str, object]:
     """Return the mission of one step that lets one aircraft fly a plan file; raises Refused."""
     from fleet.errors import WireError  # noqa: PLC0415
-    from fleet.missions.plan import plan_in  # noqa: PLC0415
+    from fleet.missions.plan import mission_of_plan, plan_in  # noqa: PLC0415
 
     try:
-        plan = plan_in(path.read_bytes())
+        return mission_of_plan(plan_in(path.read_bytes()), f"the plan {path.name}")
     except (OSError, WireError) as error:
         raise Refused(f"{path}: {error}") from None
-    return {
-        "version": 1,
-        "summary": f"the plan {path.name}",
-        "roles": {"pilot": {"can": ["plan"]}},
-        "steps": [{"id": "fly", "timeout": "1 h", "do": {"pilot": {"plan": plan}}}],
-        "on_restart": "hold_and_ask",
-    }
 
 
 def _chosen(robots: tuple[str, ...], sent: dict[str, object] | None) -> dict[str, list[str]]:

@@ -90,6 +90,22 @@ class EdgeConfig(Model):
     history: HistoryConfig = Field(HistoryConfig(), description="Who commanded what; `fleet history`.")
 
 
+class WorkflowConfig(Model):
+    """The mission that a workflow of the cloud starts."""
+
+    mission: Name = Field(description="The mission that is started.")
+    inputs: dict[str, Any] = Field(
+        {}, description="Its inputs; those of the workflow's run cannot change them."
+    )
+    source_type: str = Field(
+        "tele",
+        min_length=1,
+        max_length=32,
+        description="In whose name its robots are commanded: each must accept it for missions and for every "
+        "step. The cloud's message itself names none.",
+    )
+
+
 class CloudConfig(TopicsConfig):
     """The way to the Cyberwave cloud (MQTT). What is left out is taken from the environment."""
 
@@ -132,6 +148,9 @@ class CloudConfig(TopicsConfig):
     )
     environments: frozenset[UUID] = Field(
         frozenset(), description="Environments whose updates cross between the cloud and the bus."
+    )
+    workflows: dict[UUID, WorkflowConfig] = Field(
+        {}, description="Workflows of the cloud that start a mission, by uuid; any other starts none."
     )
     ignore_edges: frozenset[str] = Field(
         frozenset(),

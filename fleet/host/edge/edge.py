@@ -13,7 +13,6 @@ from typing import TYPE_CHECKING
 import msgspec
 
 from fleet.bridge.bridge import Bridge
-from fleet.bridge.command_replies import RobotPort
 from fleet.bus import keys
 from fleet.bus.bus import open_edge
 from fleet.bus.zenoh_session import Query
@@ -122,12 +121,15 @@ class Edge:
                 for name in names_of(robot.worker for robot in self.remote.values())
                 if name not in config.remote_workers
             ]
+            self.missions = Missions(loaded, self.process, self.remote, folder, self._stop_robots)
+            undo.callback(self.missions.close)
             self.bridge = self._bridge([robot for robot, _ in loaded.robots])
+            if self.bridge is not None:
+                self.missions.workflows.publish = self.bridge.voice.status
             self._presence = CloudPresence(self.bridge, self.process.supervised) if self.bridge else None
             if self._presence is not None:
                 self.process.on_holder = self._presence.hold
             self.metrics, self._metrics_port = self._make_metrics()
-            self.missions = Missions(loaded, self.process, self.remote, folder, self._stop_robots)
             undo.pop_all()
         self._groups = {name: list(robots) for name, robots in config.members.items()}
         self._stop_inputs = StopInputs(
@@ -295,11 +297,7 @@ class Edge:
         cloud = self._config.cloud
         if cloud is None:
             return None
-        ports: dict[str, RobotPort] = {}
-        for local in self.process.robots.values():
-            ports[local.twin] = local
-        for remote in self.remote.values():
-            ports[remote.twin] = remote
+        ports = {robot.twin: self.missions.plans.port(robot) for robot in self.robots()}
         simulated = all(port.source_type == "sim" for port in ports.values())
         return Bridge(
             cloud_settings(cloud, simulated=simulated),
@@ -312,6 +310,7 @@ class Edge:
             claimed=self.cloud_claims.heard,
             clock=self._clock,
             spool=Spool(spool_settings(self._config), self._clock),
+            handlers=self.missions.workflows.handlers,
         )
 
     def _declare(self, ended: asyncio.Event) -> None:

@@ -96,6 +96,8 @@ class _Robot:
 
     def _put_event(self, report: Report) -> None:
         """Take an event, unless too many wait."""
+        if type(report) is NavigationReport:
+            self._outbox.navigates(report)
         if len(self.events) < WAITING:
             self.events.append(report)
             self._outbox.eventful.append(self)
@@ -112,6 +114,7 @@ class ReportQueue:
         self.states: deque[_Channel] = deque()  # which wait, each once
         self.eventful: deque[_Robot] = deque()  # each once for each of its events
         self.bridge: BridgePort | None = None
+        self.navigates: Callable[[NavigationReport], None] = lambda _report: None  # hears of each action
         self.dropped = 0
         bus_session.answer(ALL, self._asked)
 
