@@ -96,7 +96,7 @@ class FleetView:
         shown |= {"id": name, "heard": round(now, 1)}
         self.put("robots", name, shown)
         if self.get("poses", name) is None and (at := state.site or state.position) is not None:
-            self.put("poses", name, [*_rounded((at.x, at.y, at.z)), None])
+            self.put("poses", name, [*_rounded((at.x, at.y, at.z)), None, state.site is not None])
 
     def take_edge(self, state: EdgeState, now: float) -> None:
         """Take an edge's own state."""
@@ -119,7 +119,10 @@ class FleetView:
         self.put("edges", edge, {"heard": round(now, 1)} | shown | told)
 
     def take_pose(self, twin: str, pose: PoseReport) -> None:
-        """Take where a robot is: in the site's frame when it is placed there, else in its own."""
+        """Take where a robot is: in the site's frame when it is placed there, else in its own.
+
+        An entry is x, y, z (m), yaw (rad; None while unknown), and whether it is in the site's frame.
+        """
         name = self._by_twin.get(twin)
         if name is None:
             return
@@ -127,7 +130,7 @@ class FleetView:
         at, yaw = pose.position, pose.rotation.yaw
         if placement is not None:
             at, yaw = placement.to_site(at), wrap_angle(yaw + placement.yaw)
-        self.put("poses", name, list(_rounded((at.x, at.y, at.z, yaw))))
+        self.put("poses", name, [*_rounded((at.x, at.y, at.z, yaw)), placement is not None])
 
     def take_goals(self, edge: str, goals: Goals) -> None:
         """Take where the robots of an edge go."""
