@@ -135,7 +135,8 @@ async def _watch_parent(parent: int, ended: asyncio.Event) -> None:
 
 def main() -> int:
     """Read the task and run."""
-    start_logging(LogSettings.of_a_worker("console"))
+    wanted = LogSettings.of_a_worker("console")
+    start_logging(msgspec.structs.replace(wanted, level=logging.WARNING))
     logging.getLogger("uvicorn").setLevel(logging.WARNING)
     try:
         run(_main(decode_json(sys.stdin.buffer.read(), ConsoleTask)))

@@ -32,7 +32,7 @@ log = logging.getLogger(__name__)
 ANSWER_WITHIN = 2.0  # s for an edge to say that the stop is set
 LOOK = 0.05  # s between looks at how the stops go on
 THREADS = 64  # stops that may wait for answers at once; nothing else uses these threads
-NO_ANSWER = f"no answer within {ANSWER_WITHIN:g} s"
+NO_ANSWER = "nobody said that its stop is set"
 NOT_SEEN = f"not seen to stand within {SEEN_WITHIN:g} s"
 
 Lanes = Callable[[], Mapping[str, ZenohSession]]

@@ -7,9 +7,9 @@ const MOST = 50;
 
 function words(answer) {
   if (answer.done) return ["done", "good"];
-  if (answer.status === "accepted") return [answer.done === false ? `failed: ${answer.reason}` : "accepted, under way", answer.done === false ? "bad" : "asking"];
-  const hint = answer.hint ? ` (${answer.hint})` : "";
-  return [`${answer.status}: ${answer.reason}${hint}`, "bad"];
+  if (answer.done === false) return [`not done: ${answer.reason}`, "bad"];
+  if (answer.status === "accepted") return ["accepted, under way", "asking"];
+  return [`${answer.status}: ${answer.reason}${answer.hint ? ` (${answer.hint})` : ""}`, "bad"];
 }
 
 function line(what) {

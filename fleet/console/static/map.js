@@ -470,7 +470,7 @@ export function startMap() {
   draw();
 }
 
-// Where a robot is on the screen, px of the page; for tests and for who writes tools.
+// Where a robot, or a point of the site, is on the page, px: for programs that drive the page.
 window.fleetPage.whereIs = (id) => {
   const box = canvas.getBoundingClientRect();
   const [px, py] = toScreen(...store.poses[id]);

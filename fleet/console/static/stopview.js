@@ -61,29 +61,44 @@ function detail(told) {
   return [element("h2", {}, `Stop asked by ${told.by || "somebody"}`), table, ...problems];
 }
 
+const KEPT = 4000; // ms that the table stays by itself once every robot stands
 let open = false;
-let shownFor = null;
+let followed = null; // the stop that the table opened for
+let closing = 0;
+
+function setOpen(wanted) {
+  open = wanted;
+  clearTimeout(closing);
+  draw();
+}
+
+// The table opens with a stop, and closes by itself only when every robot was seen to stand.
+function follow(last) {
+  const key = last.own || last.told.by + Object.keys(last.told.robots).join();
+  if (last.told.open && followed !== key) {
+    followed = key;
+    open = true;
+    clearTimeout(closing);
+    closing = 0;
+  }
+  const all = Object.values(last.told.robots).every((robot) => robot.standing !== null);
+  if (!last.told.open && open && all && !closing) closing = setTimeout(() => setOpen(false), KEPT);
+}
 
 function draw() {
   const last = newest();
   const words = byId("stop-words");
-  if (remark) {
-    words.textContent = remark;
-    words.className = "";
-  } else if (last) {
-    const [text, kind] = summary(last);
-    words.textContent = text;
-    words.className = kind;
-  }
+  if (remark) [words.textContent, words.className] = [remark, ""];
+  else if (last) [words.textContent, words.className] = summary(last);
   const told = last && last.told;
-  if (told && told !== shownFor && told.open) open = true;
-  shownFor = told;
+  if (told) follow(last);
   const place = byId("stop-detail");
+  const more = byId("stop-more");
+  more.hidden = !told;
+  more.textContent = open ? "Hide" : "Details";
+  more.setAttribute("aria-expanded", String(open));
   place.hidden = !(told && open);
-  if (told && open) {
-    const close = element("button", { type: "button", class: "plain", onclick: () => { open = false; draw(); } }, "Close");
-    show(place, detail(told), close);
-  }
+  if (told && open) show(place, detail(told));
   drawButtons();
 }
 
@@ -130,6 +145,7 @@ export function startStopView() {
     remark = words;
     draw();
   };
+  byId("stop-more").addEventListener("click", () => setOpen(!open));
   byId("stop-group").addEventListener("change", (event) => {
     const { value } = event.target;
     event.target.value = "";
