@@ -40,8 +40,8 @@ def is_installed() -> bool:
 class ConsoleChild:
     """One console process.
 
-    ``problem`` is what is wrong with it, empty while it serves. ``served`` hears each time it begins to
-    serve, with a link for ``asked`` where that is given.
+    ``problem`` is what is wrong with it, empty while it serves; ``process`` its id, 0 before the first.
+    ``served`` hears each time it begins to serve, with a link for ``asked`` where that is given.
     """
 
     def __init__(
@@ -54,6 +54,7 @@ class ConsoleChild:
         served: Callable[[str], None] = lambda _link: None,
     ) -> None:
         self.problem = ""
+        self.process = 0
         self._task = msgspec.structs.replace(task, parent=os.getpid())
         self._path = link_socket(directory, task.name)
         self._clock = clock
@@ -87,6 +88,7 @@ class ConsoleChild:
             env=bare_environment() | {name: os.environ[name] for name in (FORM, FILE) if name in os.environ},
             start_new_session=True,
         )
+        self.process = process.pid
         assert process.stdin is not None
         process.stdin.write(msgspec.json.encode(self._task))
         process.stdin.close()

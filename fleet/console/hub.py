@@ -45,14 +45,14 @@ class Hub:
         connecting = asyncio.create_task(self.edges.run(), name="edges")
         try:
             while True:
-                self._turn()
+                self.turn()
                 await asyncio.sleep(TICK)
         finally:
             connecting.cancel()
             await asyncio.gather(connecting, return_exceptions=True)
             self._stops.close()
 
-    def _turn(self) -> None:
+    def turn(self) -> None:
         """Take what is new, and wake the pages."""
         self._count += 1
         self.edges.take()

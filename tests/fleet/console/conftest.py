@@ -75,9 +75,9 @@ class Page:
 class Console:
     """A console on a thread of its own, and the ways to it."""
 
-    def __init__(self, runtime, name="test", **task):
+    def __init__(self, runtime, name="test", port=0, **task):
         self._loop = BackgroundLoop(f"console:{name}")
-        self._runtime, self._task = runtime, ConsoleTask(name, 0, **task)
+        self._runtime, self._task = runtime, ConsoleTask(name, port, **task)
         self._stack = contextlib.ExitStack()
         self._cookies = {}
 
