@@ -59,7 +59,7 @@ class Edges:
     def reach(cls, file: str | None) -> Self:
         """Join them, all at once; raises NotRunning when there is none."""
         directory = runtime_dir()
-        wanted = [_of(file)] if file else [BusSettings(edge) for edge in running_edges(directory)]
+        wanted = [settings_of(file)] if file else [BusSettings(edge) for edge in running_edges(directory)]
         if not wanted:
             raise NotRunning(f"no edge is running here; {START}")
         with ThreadPoolExecutor(len(wanted)) as pool:
@@ -268,7 +268,7 @@ def _joined(settings: BusSettings, directory: Path) -> ZenohSession | BusError:
         return error
 
 
-def _of(file: str) -> BusSettings:
+def settings_of(file: str) -> BusSettings:
     """Return how to reach the edge of a fleet file."""
     from fleet.config.load import sections_of  # noqa: PLC0415 - pydantic is not needed without a file
     from fleet.host.process.component_settings import bus_settings  # noqa: PLC0415

@@ -253,6 +253,12 @@ class MetricsConfig(Model):
         return self
 
 
+class ConsoleConfig(Model):
+    """The console, a web page with the fleet, as a process beside the edge. It listens on loopback alone."""
+
+    port: int = Field(8480, ge=0, le=65535, description="0 takes any that is free.")
+
+
 class SiteConfig(Model):
     """The frame that the robots of this edge share: east-north-up, metres."""
 
@@ -311,6 +317,9 @@ class Sections(Model):
     site: SiteConfig = Field(SiteConfig(), description="The frame that the robots share.")
     metrics: MetricsConfig | None = Field(
         None, description="Figures for Prometheus. Left out: none, and no port is opened."
+    )
+    console: ConsoleConfig | None = Field(
+        None, description="A web page with the fleet (docs/how-to/console.md). Left out: none."
     )
     plugins: tuple[ExistingFolder, ...] = Field(
         (),

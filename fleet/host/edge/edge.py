@@ -149,6 +149,7 @@ class Edge:
             config, folder, self.missions.starter, states=self.states, record=history.add, clock=clock
         )
         history.told = self.schedules.before(self._notifier.take)
+        self.beside: Callable[[], str] = str  # what is wrong with programs beside it, as the console
 
     def _remote(self, loaded: Loaded) -> dict[str, RemoteRobot]:
         """Build this side of the robots that run in workers."""
@@ -251,7 +252,7 @@ class Edge:
         claims, expiry = self.cloud_claims.problem, self._expiry.problem
         busy = self.process.starvation.problem
         inputs, schedules = self._stop_inputs.problem, self.schedules.problem
-        problems = (self.bus.problem, *kept, schedules, inputs, metrics, expiry, claims, busy)
+        problems = (self.bus.problem, *kept, schedules, inputs, metrics, expiry, claims, busy, self.beside())
         health = edge_health(states, [cloud, *map(degraded, problems)])
         load, bridge = read_load(), self.bridge
         stats = bridge.client.stats if bridge else None
