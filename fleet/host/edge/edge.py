@@ -42,6 +42,7 @@ from fleet.host.process.component_settings import (
 )
 from fleet.host.process.driverlog import publish_robot_logs
 from fleet.host.process.history_service import HistoryService
+from fleet.host.process.interrupted_commands import tell_interrupted_commands
 from fleet.host.process.robot_process import RobotProcess
 from fleet.host.process.stop_inputs import TELL, StopInputs
 from fleet.host.process.stop_service import serve_stops, stop_everywhere
@@ -195,6 +196,8 @@ class Edge:
             if self._metrics_port is not None:
                 self._metrics_port.serve()
             self._declare(ended)
+            cloud = self.bridge.voice.tell_end if self.bridge else None
+            tell_interrupted_commands(self.process, self.robots(), cloud)
             self.process.start()
             self._stop_inputs.start(self.process.watchdog.add)
             if self.bridge is not None:
