@@ -126,17 +126,20 @@ class InboundRule(msgspec.Struct, frozen=True):
 
 
 _K, _M = KIB, MIB
+_R = TrafficClass.REPLY
 _S, _E, _L, _X = TrafficClass.STATUS, TrafficClass.EVENT, TrafficClass.LATEST, TrafficClass.STREAM
 _SAID, _DOC = TopicForm.SAID, TopicForm.DOCUMENT
 _BUS = Recipient.RELAY
 
 _TABLE = (
-    TopicRule(REPLY_INBOX, "", TrafficClass.REPLY, 1, 0, 0, "the one reply to an MQTT 5 request", _SAID, 30),
+    TopicRule(REPLY_INBOX, "", _R, 1, 0, 0, "the one reply to an MQTT 5 request", _SAID, 30),
+    TopicRule("command", "", _R, 1, 0, 0, "status of a command, and how it ended", _SAID, 3600),
     TopicRule(
-        "command", "", TrafficClass.REPLY, 1, 0, 0, "status of a command, and how it ended", _SAID, 3600
+        "start_video/status", "start_video_status", _R, 1, 0, 0, "result of start_video", _DOC, 30, 4 * _K
     ),
-    TopicRule("start_video/status", "", TrafficClass.REPLY, 1, 0, 0, "result of start_video", _SAID, 30),
-    TopicRule("stop_video/status", "", TrafficClass.REPLY, 1, 0, 0, "result of stop_video", _SAID, 30),
+    TopicRule(
+        "stop_video/status", "stop_video_status", _R, 1, 0, 0, "result of stop_video", _DOC, 30, 4 * _K
+    ),
     TopicRule("navigate/status", "navigate_status", _S, 1, 0, 0, "status of an action"),
     TopicRule("mission/status", "navigate_status", _S, 1, 0, 0, "status of a mission"),
     TopicRule(

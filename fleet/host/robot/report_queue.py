@@ -36,6 +36,9 @@ class BridgePort(Protocol):
     def cross(self, batch: Sequence[tuple[Any, Report]]) -> None:
         """Take reports, each with where it crosses."""
 
+    def arrived(self, key: str, sample: bytes) -> None:
+        """Take a sample of the bus."""
+
 
 class _Channel:
     """One channel of one twin: its newest report, whether that waits, and how many samples were put.
@@ -109,6 +112,7 @@ class ReportQueue:
     """All reports of one process; ``bridge`` is the one of this process, where there is one."""
 
     def __init__(self, bus_session: ZenohSession) -> None:
+        self._bus_session = bus_session
         self._publishers = bus_session.publishers(ALL)
         self._channels: list[_Channel] = []
         self.states: deque[_Channel] = deque()  # which wait, each once
@@ -121,6 +125,12 @@ class ReportQueue:
     def sender(self, twin: str) -> Callable[[Report], None]:
         """Return what takes one robot's reports; they leave with the next ``flush``."""
         return _Robot(twin, self).put
+
+    def put_document(self, key: str, sample: bytes) -> None:
+        """Put a document on the bus at once; this process's bridge, which hears only others, gets it too."""
+        self._bus_session.put(key, sample)
+        if self.bridge is not None:
+            self.bridge.arrived(key, sample)
 
     def flush(self) -> None:
         """Put everything that waits."""
