@@ -23,6 +23,7 @@ from fleet import (
     command,
 )
 from fleet.sim.process import SimProcess
+from fleet.simulation import Simulation, SimulationStart
 from fleet_mavlink.config import MavlinkConfig
 from fleet_mavlink.constants import Landed
 from fleet_mavlink.link_hub import LinkHub, open_hub
@@ -56,6 +57,13 @@ class MavlinkAdapter(PayloadCommands, UpkeepCommands):
 
     _hub: LinkHub
     _sim: SimProcess | None = None  # of a simulated vehicle
+
+    @classmethod
+    def simulation(cls, config: MavlinkConfig, start: SimulationStart) -> Simulation | None:
+        """Return the simulated vehicle of a rehearsal."""
+        from fleet_mavlink.sim.rehearsed import simulated_vehicle  # noqa: PLC0415 - it is slow to import
+
+        return simulated_vehicle(config, start)
 
     async def connect(self) -> None:
         """Open the link, or share it; raises LinkLost or LinkRefused."""

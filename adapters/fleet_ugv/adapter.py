@@ -27,11 +27,13 @@ from fleet import (
     photograph,
 )
 from fleet.sim.process import SimProcess
+from fleet.simulation import Simulation, SimulationStart
 from fleet_ugv.board import Board, Inbox
 from fleet_ugv.codecs.waveshare import GIMBAL_SPEED
 from fleet_ugv.config import UgvConfig
 from fleet_ugv.observer import Observer
-from fleet_ugv.odometry import WheelOdometry
+from fleet_ugv.odometry import POSE, WheelOdometry
+from fleet_ugv.sim.rehearsed import simulated_base
 from fleet_ugv.sim.spec import SimSpec, spec_of
 
 GivenT = TypeVar("GivenT")
@@ -51,7 +53,6 @@ MOUNT: Mapping[str, JointRange] = MappingProxyType(
 )
 """Joints of the camera mount: the firmware's ranges, and the speed that is sent with each angle."""
 _Delta = Annotated[float, Range(-math.tau, math.tau, "rad")]
-POSE = "pose"  # the key of ``robot.state`` under which odometry's last pose is kept
 
 
 class UgvAdapter(Adapter[UgvConfig]):
@@ -73,6 +74,11 @@ class UgvAdapter(Adapter[UgvConfig]):
         self._odometry = WheelOdometry(config.scale, config.base.fastest, robot.state.get(POSE))
         self._board: Board
         self._link: Link
+
+    @classmethod
+    def simulation(cls, config: UgvConfig, start: SimulationStart) -> Simulation | None:
+        """Return the simulated base of a rehearsal."""
+        return simulated_base(config, start)
 
     async def connect(self) -> None:
         """Open the line; raises LinkLost or LinkRefused."""

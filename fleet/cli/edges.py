@@ -19,6 +19,7 @@ from fleet.config.text import nearest
 from fleet.errors import BusError, Refused, TimedOut
 from fleet.history.event_filter import EventFilter, newest
 from fleet.history.record import Record
+from fleet.missions.rehearsal import RehearsalAsk, RehearsalState
 from fleet.missions.report import ControlAsk, Controlled, MissionState, RunState, StartAsk, Started
 from fleet.missions.store import Told
 from fleet.model.command import Reply
@@ -209,6 +210,11 @@ class Edges:
     def start_mission(self, edge: str, name: str, asked: StartAsk) -> Started:
         """Start a mission on an edge; raises TimedOut when that does not answer."""
         return self._one(keys.mission(edge, name), Started, asked, {"do": "start"})
+
+    def rehearse_mission(self, edge: str, name: str, asked: StartAsk | RehearsalAsk) -> RehearsalState:
+        """Rehearse a mission on an edge, or ask how that goes; raises TimedOut when that does not answer."""
+        do = "rehearse" if isinstance(asked, StartAsk) else "rehearsal"
+        return self._one(keys.mission(edge, name), RehearsalState, asked, {"do": do})
 
     def control_run(self, edge: str, run: str, asked: ControlAsk) -> Controlled:
         """Control a run; raises TimedOut when its edge does not answer."""
