@@ -147,7 +147,8 @@ class AdapterBase(ABC, Generic[ConfigT]):
     def simulation(cls, config: Any, start: SimulationStart) -> Simulation | None:  # noqa: ARG003 - for overriders
         """Return the simulated robot that takes the robot's place in a rehearsal.
 
-        None: there is none that runs in simulated time, and a kinematic stand-in takes its place.
+        None: there is none that runs in simulated time, and a kinematic stand-in takes its place. Raises
+        Refused where it cannot begin as the robot stands now.
         """
         return None
 

@@ -17,7 +17,8 @@ class SimulationStart(msgspec.Struct, frozen=True):
 
     ``pose`` is in the robot's own world. ``point`` is where that is on Earth (altitude: m above mean sea
     level), ``heading`` radians counter-clockwise from east; None while unknown. ``battery`` is percent,
-    ``mode`` what the robot calls its mode. ``seed`` and ``epoch`` (Unix s at time 0) are the rehearsal's.
+    ``mode`` what the robot calls its mode, ``armed`` whether its motors run. ``seed`` and ``epoch`` (Unix s
+    at time 0) are the rehearsal's.
     """
 
     pose: Pose = Pose()
@@ -25,6 +26,7 @@ class SimulationStart(msgspec.Struct, frozen=True):
     heading: float | None = None
     battery: float | None = None
     mode: str = ""
+    armed: bool = False
     seed: int = 1
     epoch: float = 0.0
 

@@ -59,8 +59,8 @@ class MavlinkAdapter(PayloadCommands, UpkeepCommands):
     _sim: SimProcess | None = None  # of a simulated vehicle
 
     @classmethod
-    def simulation(cls, config: MavlinkConfig, start: SimulationStart) -> Simulation | None:
-        """Return the simulated vehicle of a rehearsal."""
+    def simulation(cls, config: MavlinkConfig, start: SimulationStart) -> Simulation:
+        """Return the simulated vehicle of a rehearsal; raises Refused."""
         from fleet_mavlink.sim.rehearsed import simulated_vehicle  # noqa: PLC0415 - it is slow to import
 
         return simulated_vehicle(config, start)

@@ -1,8 +1,8 @@
 """``python -m fleet.rehearsal``: one rehearsal, as the edge starts it.
 
 Reads a ``RehearsalTask``, one line of JSON, and writes ``RehearsalLine`` lines, the last with the result or
-the failure. Ends when its standard input does: then nobody waits for it. Its folders for state and caches
-are its own and temporary.
+the failure. Ends when its standard input does: then nobody waits for it. It joins no bus and keeps nothing
+on the disk.
 """
 
 from __future__ import annotations
@@ -10,7 +10,6 @@ from __future__ import annotations
 import logging
 import os
 import sys
-import tempfile
 import threading
 
 import msgspec
@@ -46,9 +45,8 @@ def main() -> int:
         tell(RehearsalLine(failure=f"the task cannot be read: {error}"))
         return 1
     threading.Thread(target=_end_with_stdin, daemon=True).start()
-    with tempfile.TemporaryDirectory(prefix="fleet-rehearsal-") as folder:
-        os.environ["XDG_STATE_HOME"] = os.environ["XDG_CACHE_HOME"] = folder
-        tell(rehearse(task, tell))
+    os.environ["XDG_STATE_HOME"] = os.environ["XDG_CACHE_HOME"] = os.devnull  # no folder can be made there
+    tell(rehearse(task, tell))
     return 0
 
 

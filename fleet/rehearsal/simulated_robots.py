@@ -188,7 +188,16 @@ def start_of(state: RobotState, site: GeoOrigin | None, seed: int) -> Simulation
     if state.position is not None:
         pose = Pose(state.position, quaternion_from_yaw(state.heading or 0.0))
     point = geo_from_world(site, state.site) if site is not None and state.site is not None else None
-    return SimulationStart(pose, point, _heading(state), state.battery, state.mode, seed, EPOCH)
+    return SimulationStart(
+        pose,
+        point,
+        _heading(state),
+        state.battery,
+        state.mode,
+        armed=bool(state.armed),
+        seed=seed,
+        epoch=EPOCH,
+    )
 
 
 def _heading(state: RobotState) -> float | None:

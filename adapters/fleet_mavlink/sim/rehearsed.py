@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 
+from fleet import Refused
 from fleet.simulation import Simulation, SimulationStart
 from fleet_mavlink.ardupilot import ArduCopter
 from fleet_mavlink.config import MavlinkConfig
@@ -16,13 +17,22 @@ _PX4_MODES = frozenset(Px4.modes.values()) - frozenset(ArduCopter.modes.values()
 _NAMES = {"ardupilot": "ArduPilot", "px4": "PX4"}
 
 
-def simulated_vehicle(config: MavlinkConfig, start: SimulationStart) -> Simulation | None:
-    """Return a vehicle that stands where the robot is, on the ground; None while nobody knows where that is.
+def simulated_vehicle(config: MavlinkConfig, start: SimulationStart) -> Simulation:
+    """Return a vehicle that stands where the robot is; a real one is taken for a multirotor.
 
-    A real one is a multirotor on PX4 or ArduPilot, by the name of its mode.
+    Its mode's name tells whether that is on PX4 or ArduPilot. Raises Refused while its motors run, and while
+    nobody knows where it is.
     """
+    if start.armed:
+        raise Refused(
+            f"{config.name}: its motors run, and a rehearsal begins with aircraft on the ground",
+            hint="land it first",
+        )
     if start.point is None:
-        return None
+        raise Refused(
+            f"{config.name}: nobody knows where on Earth it is",
+            hint="say site: {origin: [latitude, longitude, altitude]} in fleet.yaml",
+        )
     spec = _spec(config, start)
     heading = 90.0 - math.degrees(start.heading or 0.0)
     vehicle = SimVehicle(
