@@ -30,7 +30,7 @@ def tell(line: RehearsalLine) -> None:
 
 def _end_with_stdin() -> None:
     """Wait for the end of standard input, and leave at once."""
-    while sys.stdin.buffer.read(4096):
+    while os.read(sys.stdin.fileno(), 4096):
         pass
     os._exit(1)
 

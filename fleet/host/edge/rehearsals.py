@@ -81,7 +81,7 @@ class Rehearsals:
         self._clock = clock
         self._config = config_digest(loaded)
         self._file = folder / PASSES
-        self._passes = _read(self._file)
+        self._passes = read_passes(self._file)
         self._now: _UnderWay | None = None
         filling.rehearsed = self.refusal
 
@@ -270,7 +270,7 @@ def _task_of(loaded: Loaded, at: int) -> RobotTask:
     return RobotTask(config.name, plugin.name, file, loaded.given[config.name])
 
 
-def _read(path: Path) -> list[Passed]:
+def read_passes(path: Path) -> list[Passed]:
     """Return the passes of an earlier process; none where they cannot be read."""
     try:
         return decode_json(path.read_bytes(), list[Passed])

@@ -27,7 +27,7 @@ class Field:
         self.folder = folder
         data = json.loads(demo_file(drones, "127.0.0.1", 1, ugvs=ugvs, dogs=1))
         for robot in data["robots"]:
-            robot |= changes.get(robot["adapter"], {}) | changes.get(robot["name"], {})
+            robot.update(changes.get(robot["adapter"], {}) | changes.get(robot["name"], {}))
         (folder / "fleet.yaml").write_text(json.dumps(data))
         self.loaded = load(folder / "fleet.yaml")
         self.states = {config.name: self._state(config, plugin.name) for config, plugin in self.loaded.robots}

@@ -1,9 +1,11 @@
 """Missions rehearsed with simulated robots, in simulated time."""
 
 import pathlib
+import socket
 
 import msgspec
 import pytest
+import zenoh
 
 from fleet.config.missions import Known, read_mission
 from fleet.rehearsal import rehearsal
@@ -170,6 +172,19 @@ def test_a_rehearsal_that_takes_too_long_is_no_pass(field):
     result = rehearse(task, lambda _line: None, within=0.0).result
     assert (result.outcome, result.passed) == ("unknown", False)
     assert "were simulated when its 0 min were over" in result.reason
+
+
+def test_it_joins_no_bus_and_opens_no_socket(field, monkeypatch):
+    def opened(*_):
+        raise AssertionError("it opens something")
+
+    task = field().task(
+        {"roles": {**ROVER, "eye": {}}, "steps": [go(1, -2)]}, {"rover": ["ugv-1"], "eye": ["drone-1"]}
+    )
+    monkeypatch.setattr(zenoh, "open", opened)
+    monkeypatch.setattr(socket.socket, "connect", opened)
+    monkeypatch.setattr(socket.socket, "bind", opened)
+    assert rehearse(task, lambda _line: None).result.passed
 
 
 def test_it_tells_how_far_it_is(field, monkeypatch):

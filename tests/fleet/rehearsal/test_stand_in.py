@@ -63,8 +63,7 @@ def test_it_declares_what_the_robot_declares():
 
 
 def test_it_goes_to_points_at_the_speed_that_it_is_allowed():
-    work = lambda adapter, _: carried_out(adapter, to((1, 6), (5, 6)))
-    reached, seconds, at, _ = stand_in(work)
+    reached, seconds, at, _ = stand_in(lambda adapter, _: carried_out(adapter, to((1, 6), (5, 6))))
     assert (reached, at) == (1, (5.0, 6.0, 0.0))
     assert 4.0 <= seconds <= 4.5
     slow = GoTo(Goal(Vector3(1.0, 3.0)), Constraints(max_speed=0.5))
