@@ -143,8 +143,8 @@ class AdapterBase(ABC, Generic[ConfigT]):
         """Return the declared commands by name."""
         return commands_of(cls)
 
-    @classmethod
-    def simulation(cls, config: Any, start: SimulationStart) -> Simulation | None:  # noqa: ARG003 - for overriders
+    @staticmethod
+    def simulation(config: Any, start: SimulationStart) -> Simulation | None:  # noqa: ARG004 - for overriders
         """Return the simulated robot that takes the robot's place in a rehearsal.
 
         None: there is none that runs in simulated time, and a kinematic stand-in takes its place. Raises

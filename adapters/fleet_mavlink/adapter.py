@@ -18,12 +18,13 @@ from fleet import (
     Range,
     Refused,
     Separation,
+    Simulation,
+    SimulationStart,
     Task,
     Velocity,
     command,
 )
 from fleet.sim.process import SimProcess
-from fleet.simulation import Simulation, SimulationStart
 from fleet_mavlink.config import MavlinkConfig
 from fleet_mavlink.constants import Landed
 from fleet_mavlink.link_hub import LinkHub, open_hub
@@ -45,6 +46,13 @@ _ASKED = _TAKE_OVER | {GENTLE, "pause"}
 """The stops that somebody asked for; the others are the host's own, when something failed or ends."""
 
 
+def _simulation(config: MavlinkConfig, start: SimulationStart) -> Simulation:
+    """Return the simulated vehicle of a rehearsal; raises Refused."""
+    from fleet_mavlink.sim.rehearsed import simulated_vehicle  # noqa: PLC0415 - it is slow to import
+
+    return simulated_vehicle(config, start)
+
+
 class MavlinkAdapter(PayloadCommands, UpkeepCommands):
     """A multirotor on ArduPilot or PX4; which of them it is makes no difference to who commands it."""
 
@@ -55,15 +63,10 @@ class MavlinkAdapter(PayloadCommands, UpkeepCommands):
     failsafe = "the autopilot holds 1 to 3 s after the last velocity (docs/how-to/drone-safety.md)"
     separation: ClassVar[Separation] = Separation(radius=1.5, braking=1.5, precedence=3)
 
+    simulation = staticmethod(_simulation)
+
     _hub: LinkHub
     _sim: SimProcess | None = None  # of a simulated vehicle
-
-    @classmethod
-    def simulation(cls, config: MavlinkConfig, start: SimulationStart) -> Simulation:
-        """Return the simulated vehicle of a rehearsal; raises Refused."""
-        from fleet_mavlink.sim.rehearsed import simulated_vehicle  # noqa: PLC0415 - it is slow to import
-
-        return simulated_vehicle(config, start)
 
     async def connect(self) -> None:
         """Open the link, or share it; raises LinkLost or LinkRefused."""

@@ -27,7 +27,6 @@ from fleet import (
     photograph,
 )
 from fleet.sim.process import SimProcess
-from fleet.simulation import Simulation, SimulationStart
 from fleet_ugv.board import Board, Inbox
 from fleet_ugv.codecs.waveshare import GIMBAL_SPEED
 from fleet_ugv.config import UgvConfig
@@ -62,6 +61,7 @@ class UgvAdapter(Adapter[UgvConfig]):
     limits: ClassVar[Limits] = Limits(speed=1.0, yaw_rate=2.0)
     separation: ClassVar[Separation] = Separation(radius=0.4, braking=1.0, precedence=2)
     combines_keys: ClassVar[bool] = True
+    simulation = staticmethod(simulated_base)
 
     def __init__(self, config: UgvConfig, robot: Robot) -> None:
         super().__init__(config, robot)
@@ -74,11 +74,6 @@ class UgvAdapter(Adapter[UgvConfig]):
         self._odometry = WheelOdometry(config.scale, config.base.fastest, robot.state.get(POSE))
         self._board: Board
         self._link: Link
-
-    @classmethod
-    def simulation(cls, config: UgvConfig, start: SimulationStart) -> Simulation | None:
-        """Return the simulated base of a rehearsal."""
-        return simulated_base(config, start)
 
     async def connect(self) -> None:
         """Open the line; raises LinkLost or LinkRefused."""

@@ -19,7 +19,6 @@ from fleet.config.text import nearest
 from fleet.errors import BusError, Refused, TimedOut
 from fleet.history.event_filter import EventFilter, newest
 from fleet.history.record import Record
-from fleet.missions.rehearsal import RehearsalAsk, RehearsalState
 from fleet.missions.report import ControlAsk, Controlled, MissionState, RunState, StartAsk, Started
 from fleet.missions.store import Told
 from fleet.model.command import Reply
@@ -209,22 +208,17 @@ class Edges:
 
     def start_mission(self, edge: str, name: str, asked: StartAsk) -> Started:
         """Start a mission on an edge; raises TimedOut when that does not answer."""
-        return self._one(keys.mission(edge, name), Started, asked, {"do": "start"})
-
-    def rehearse_mission(self, edge: str, name: str, asked: StartAsk | RehearsalAsk) -> RehearsalState:
-        """Rehearse a mission on an edge, or ask how that goes; raises TimedOut when that does not answer."""
-        do = "rehearse" if isinstance(asked, StartAsk) else "rehearsal"
-        return self._one(keys.mission(edge, name), RehearsalState, asked, {"do": do})
+        return self.one(keys.mission(edge, name), Started, asked, {"do": "start"})
 
     def control_run(self, edge: str, run: str, asked: ControlAsk) -> Controlled:
         """Control a run; raises TimedOut when its edge does not answer."""
-        return self._one(keys.run(edge, run), Controlled, asked)
+        return self.one(keys.run(edge, run), Controlled, asked)
 
     def story(self, edge: str, run: str) -> list[Told]:
         """Return what happened in a run; raises TimedOut when its edge does not answer."""
-        return self._one(keys.run(edge, run), list[Told], ControlAsk("log"))
+        return self.one(keys.run(edge, run), list[Told], ControlAsk("log"))
 
-    def _one(
+    def one(
         self, key: str, kind: type[T], asked: msgspec.Struct, parameters: Mapping[str, str] | None = None
     ) -> T:
         """Ask one edge, by whichever way reaches it; raises TimedOut without an answer."""

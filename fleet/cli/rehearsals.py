@@ -7,6 +7,7 @@ from collections.abc import Iterator
 
 import msgspec
 
+from fleet.bus import keys
 from fleet.cli.edges import Edges
 from fleet.cli.output import ExitCode, Output
 from fleet.cli.runs import EXITS
@@ -25,12 +26,13 @@ def follow_rehearsal(  # noqa: PLR0917 - all of one call
 
     Raises Refused when there can be none, TimedOut when the edge does not answer. Ctrl-C ends it.
     """
-    begun = edges.rehearse_mission(edge, name, ask)
+    key = keys.mission(edge, name)
+    begun = edges.one(key, RehearsalState, ask, {"do": "rehearse"})
     if begun.refusal:
         raise Refused(begun.refusal)
     for role, robots in begun.roles.items():
         out.note(f"{role}: {', '.join(robots)}")
-    result = _followed(out, edges, edge, name, begun)
+    result = _followed(out, edges, key, begun)
     out.data({"passed": result.passed, **msgspec.to_builtins(result)})
     for line in page(result, again):
         out.say(line)
@@ -40,11 +42,11 @@ def follow_rehearsal(  # noqa: PLR0917 - all of one call
     return ExitCode.ENDED if code is ExitCode.OK else code
 
 
-def _followed(out: Output, edges: Edges, edge: str, name: str, begun: RehearsalState) -> RehearsalResult:
+def _followed(out: Output, edges: Edges, key: str, begun: RehearsalState) -> RehearsalResult:
     """Tell what happens until there is a result; raises Refused when there is none."""
     known, told = 0, time.monotonic()
     while True:
-        state = edges.rehearse_mission(edge, name, RehearsalAsk(begun.id, known))
+        state = edges.one(key, RehearsalState, RehearsalAsk(begun.id, known), {"do": "rehearsal"})
         known += len(state.notes)
         for note in state.notes:
             out.note(note_line(note))

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import math
 
-from fleet import Refused
-from fleet.simulation import Simulation, SimulationStart
+from fleet import Refused, Simulation, SimulationStart
 from fleet_mavlink.ardupilot import ArduCopter
 from fleet_mavlink.config import MavlinkConfig
 from fleet_mavlink.px4 import Px4

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from fleet.simulation import Simulation, SimulationStart
+from fleet import Simulation, SimulationStart
 from fleet_ugv.battery import Curve, percent, voltage
 from fleet_ugv.config import UgvConfig
 from fleet_ugv.odometry import POSE

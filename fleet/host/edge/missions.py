@@ -101,7 +101,7 @@ class Missions:
         self.rehearsals = Rehearsals(
             loaded,
             self.runs.filling,
-            states=self._states_now,
+            states=lambda: [robot.state() for robot in self.runs.robots.values()],
             places=places,
             folder=folder,
             clock=process.clock,
@@ -185,11 +185,6 @@ class Missions:
             self._soon(partial(self.runs.heard, robot, event))
 
     # -- what robots are and may -----------------------------------------------------------------------
-
-    def _states_now(self) -> list[RobotState]:
-        """Return the state of every robot."""
-        here = [robot.state() for robot in self._here.values()]
-        return [*here, *(robot.state() for robot in self._elsewhere.values())]
 
     def _candidates(self) -> list[Candidate]:
         """Return what each robot can and is now."""

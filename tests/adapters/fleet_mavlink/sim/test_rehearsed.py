@@ -4,8 +4,7 @@ import uuid
 
 import pytest
 
-from fleet import GeoPoint, Refused
-from fleet.simulation import SimulationStart
+from fleet import GeoPoint, Refused, SimulationStart
 from fleet_mavlink.adapter import MavlinkAdapter
 from fleet_mavlink.config import MavlinkConfig
 

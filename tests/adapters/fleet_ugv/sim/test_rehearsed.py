@@ -5,8 +5,7 @@ import uuid
 
 import pytest
 
-from fleet.model.geometry import Pose, Vector3
-from fleet.simulation import SimulationStart
+from fleet import Pose, SimulationStart, Vector3
 from fleet_ugv.adapter import UgvAdapter
 from fleet_ugv.config import UgvConfig
 from fleet_ugv.odometry import POSE
