@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 import itertools
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Container, Iterator, Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from typing import Any
 
@@ -27,7 +27,7 @@ from fleet.missions.runs import Runs
 from fleet.missions.state import Facts, Outcome, Phase, RunOutcome
 from fleet.model.command import Origin, Transport
 from fleet.model.state import RobotState
-from fleet.rehearsal.recording import Distances, NotedChanges
+from fleet.rehearsal.recording import MOVES, Distances, NotedChanges
 from fleet.rehearsal.simulated_robots import SimulatedRobots, players_of
 from fleet.runtime.simulated_time import JumpingLoop, LoopClock
 
@@ -59,7 +59,7 @@ class Rehearsal:
         self._store = NotedChanges(lambda note: tell(RehearsalLine(note.at, note.step, note)))
         self._policies = {name: player.policy for name, player in self._robots.players.items()}
         self._members = {name: role for role, names in task.roles.items() for name in names}
-        self._assumed: list[str] = []
+        self._assumed = [*_absent(task, self._robots.players)]
         self._last: RunState | None = None
         self._runs = Runs(
             "rehearsal",
@@ -271,6 +271,17 @@ def without_long_waits(program: Program) -> Program:
         for step in program.steps
     )
     return msgspec.structs.replace(program, steps=steps)
+
+
+def _absent(task: RehearsalTask, there: Container[str]) -> Iterator[str]:
+    """Yield what is left out of a rehearsal: robots that are nowhere, and how others move meanwhile."""
+    taking_part = {name for names in task.roles.values() for name in names}
+    for placed in task.robots:
+        state = placed.state
+        if state.name not in there:
+            yield f"{state.name} is in nobody's way: nobody knows where it is"
+        elif state.name not in taking_part and (state.activity or (state.speed or 0.0) > MOVES):
+            yield f"{state.name} stays where it is, though it moves now"
 
 
 class _AtOnce(ThreadPoolExecutor):

@@ -8,7 +8,7 @@ from fleet import Refused, Simulation, SimulationStart
 from fleet_mavlink.ardupilot import ArduCopter
 from fleet_mavlink.config import MavlinkConfig
 from fleet_mavlink.px4 import Px4
-from fleet_mavlink.sim.spec import SimSpec
+from fleet_mavlink.sim.spec import QUICK_READY, SimSpec
 from fleet_mavlink.sim.vehicle import Flavour, SimVehicle
 from fleet_mavlink.sim.wire import Wire
 
@@ -39,7 +39,7 @@ def simulated_vehicle(config: MavlinkConfig, start: SimulationStart) -> Simulati
         vehicle=spec.vehicle,
         system_id=spec.system_id,
         home=(start.point.latitude, start.point.longitude, start.point.altitude or 0.0, heading),
-        ready_after=spec.ready,
+        ready_after=QUICK_READY,  # the robot itself has started already
         faults=spec.faults,
         seed=spec.seed,
         epoch=start.epoch,

@@ -56,6 +56,7 @@ KEPT = 100
 LARGEST = 1 << 24  # bytes of a line
 UNHEARD = 15.0  # s without a question after which nobody waits for a rehearsal any more
 LOOK = 1.0  # s
+SILENT = 120.0  # s without a word of its process after which that is given up
 COMMAND = (sys.executable, "-P", "-m", "fleet.rehearsal")
 _encode = msgspec.json.Encoder().encode
 
@@ -218,18 +219,26 @@ class _UnderWay:
     async def _follow(self, process: Process) -> None:
         """Take what the process tells."""
         assert process.stdout is not None
-        reading = asyncio.ensure_future(process.stdout.readline())
-        while self._clock.monotonic() - self._asked < UNHEARD:
+        reading, heard = asyncio.ensure_future(process.stdout.readline()), self._clock.monotonic()
+        while not self._given_up(heard):
             await asyncio.wait({reading}, timeout=LOOK)
             if not reading.done():
                 continue
-            line = reading.result()
+            line, heard = reading.result(), self._clock.monotonic()
             await self._take(line)
             if not line or self._result is not None or self._failure:
                 return
             reading = asyncio.ensure_future(process.stdout.readline())
         reading.cancel()
-        self._failure = "nobody asked any more how it goes"
+
+    def _given_up(self, heard: float) -> bool:
+        """Return whether nobody asks for it any more, or its process has said nothing since ``heard``."""
+        now = self._clock.monotonic()
+        if now - self._asked >= UNHEARD:
+            self._failure = "nobody asked any more how it goes"
+        elif now - heard >= SILENT:
+            self._failure = f"its process said nothing for {SILENT:g} s"
+        return bool(self._failure)
 
     async def _take(self, data: bytes) -> None:
         """Take one line; what is none of ours is what the process says when it fails."""

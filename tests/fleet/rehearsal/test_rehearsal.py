@@ -139,6 +139,17 @@ def test_questions_are_answered_and_waits_for_the_world_are_cut_short_and_both_a
     )
 
 
+def test_what_is_left_out_of_the_rehearsal_is_told(field):
+    yard = field()
+    yard.state("dog-1", site=None, placement=None)
+    yard.state("drone-1", activity="goto")
+    result = yard.result({"roles": ROVER, "steps": [go(1, -2)]}, {"rover": ["ugv-1"]})
+    assert result.assumed == (
+        "drone-1 stays where it is, though it moves now",
+        "dog-1 is in nobody's way: nobody knows where it is",
+    )
+
+
 def test_a_mission_that_must_be_rehearsed_is_rehearsed(field):
     mission = {"roles": ROVER, "rehearse": "required", "steps": [go(1, -2)]}
     assert field().result(mission, {"rover": ["ugv-1"]}).passed

@@ -129,3 +129,7 @@ async def test_one_rehearsal_at_a_time_and_none_for_which_nobody_waits(ready, fl
         monkeypatch.setattr(rehearsals, "UNHEARD", 0.0)
         code, _, err = await waits
         assert (code, "nobody asked any more how it goes" in err) == (5, True)
+        monkeypatch.setattr(rehearsals, "UNHEARD", 60.0)
+        monkeypatch.setattr(rehearsals, "SILENT", 0.0)
+        code, _, err = await fleet("mission", "rehearse", "patrol")
+        assert (code, "its process said nothing for 0 s" in err) == (5, True)
