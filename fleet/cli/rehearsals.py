@@ -54,7 +54,8 @@ def _followed(out: Output, edges: Edges, key: str, begun: RehearsalState) -> Reh
             told = time.monotonic()
         elif time.monotonic() - told >= QUIET:
             told = time.monotonic()
-            out.note(f"{state.seconds:8.1f} s  step {state.step or 'the simulated robots start'}")
+            where = f"step {state.step}" if state.step else "the simulated robots start"
+            out.note(f"{state.seconds:8.1f} s  {where}")
         if state.result is not None:
             return state.result
         if state.failure or state.refusal:

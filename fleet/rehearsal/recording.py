@@ -13,6 +13,7 @@ from fleet.missions.store import Change, Store
 
 WRITES = 0.005  # s that a disk takes for a change
 MOVES = 0.05  # m/s from which on a robot moves
+ROUNDED = 0.05  # m that two robots which stand may seem nearer
 SHOWN = 10  # pairs of robots, the nearest first
 
 
@@ -63,19 +64,29 @@ class Distances:
     def __init__(self, taking_part: Iterable[str]) -> None:
         self._taking_part = frozenset(taking_part)
         self._nearest: dict[tuple[str, str], Approach] = {}
+        self._first: dict[tuple[str, str], float] = {}  # m from each other at the first look
 
     def look(self, robots: Mapping[str, Occupant], at: float) -> None:
         """Take where the robots are at ``at`` (simulated s of the run)."""
         for one, other in itertools.combinations(sorted(robots), 2):
             first, second = robots[one], robots[other]
+            metres = (first.at - second.at).norm()
+            self._first.setdefault((one, other), metres)
             moves = max(first.velocity.norm(), second.velocity.norm()) > MOVES
             if not moves or not self._taking_part & {one, other}:
                 continue
-            metres = (first.at - second.at).norm()
             known = self._nearest.get((one, other))
             if known is None or metres < known.metres:
                 kept = first.radius + second.radius
                 self._nearest[one, other] = Approach((one, other), metres, at, kept)
+
+    def too_near(self) -> tuple[Approach, ...]:
+        """Return the pairs that came nearer than both radii, but for those that began as near as that."""
+        return tuple(
+            each
+            for each in self.nearest()
+            if each.metres < min(each.kept, self._first[each.robots] - ROUNDED)
+        )
 
     def nearest(self) -> tuple[Approach, ...]:
         """Return the nearest approach of each pair, the nearest first."""

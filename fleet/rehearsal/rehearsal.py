@@ -216,20 +216,19 @@ class Rehearsal:
         """Return how it went."""
         head = run.engine.head
         outcome = head.outcome or RunOutcome.UNKNOWN
-        nearest = distances.nearest()
         robots = [self._robot(run, name, before.get(name)) for name in sorted(self._robots.robots)]
         troubles = (
             [late or head.reason or f"it ended {outcome}"] if outcome is not RunOutcome.COMPLETED else []
         )
-        troubles += [
+        lost = [
             f"{each.robot}: {each.outcome}: {each.reason}".rstrip(": ")
             for each in robots
             if each.outcome not in {"", Outcome.DONE}
         ]
+        troubles += [each for each in lost if not any(each in said for said in troubles)]
         troubles += [
             f"{' and '.join(each.robots)} came within {each.metres:g} m, {each.kept:g} m are kept"
-            for each in nearest
-            if each.metres < each.kept
+            for each in distances.too_near()
         ]
         return RehearsalResult(
             self._task.name,
@@ -240,7 +239,7 @@ class Rehearsal:
             tuple(robots),
             self._store.timeline(),
             tuple(self._store.notes),
-            nearest,
+            distances.nearest(),
             tuple(dict.fromkeys(self._assumed)),
             self._task.seed,
             round(time.monotonic() - self._began, 1),

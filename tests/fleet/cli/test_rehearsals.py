@@ -151,5 +151,5 @@ def test_a_long_rehearsal_tells_how_far_it_is(fleet, yard, monkeypatch):
     monkeypatch.setattr("fleet.cli.rehearsals.QUIET", 0.0)
     yard.states[:1] = [RehearsalState("7f"), RehearsalState("7f", seconds=9.4, step="up.1")]
     err = fleet("mission", "rehearse", "patrol").err
-    assert "0.0 s  step the simulated robots start" in err
+    assert "0.0 s  the simulated robots start" in err
     assert "9.4 s  step up.1" in err
