@@ -58,7 +58,10 @@ class Rehearsal:
         self._robots = SimulatedRobots(players_of(task), task.site, self._clock, self._heard)
         self._store = NotedChanges(lambda note: tell(RehearsalLine(note.at, note.step, note)))
         self._policies = {name: player.policy for name, player in self._robots.players.items()}
-        self._members = {name: role for role, names in task.roles.items() for name in names}
+        self._members: dict[str, str] = {}
+        for role, names in task.roles.items():
+            for name in names:
+                self._members.setdefault(name, role)
         self._assumed = [*_absent(task, self._robots.players)]
         self._last: RunState | None = None
         self._runs = Runs(
@@ -66,7 +69,7 @@ class Rehearsal:
             {name: RobotHere(robot) for name, robot in self._robots.robots.items()},
             candidates=self._candidates,
             allowed=self._refusal,
-            places=task.places,
+            places={name: place.at for name, place in task.places.items() if place.frame == "site"},
             store=self._store,
             clock=self._clock,
             soon=self._soon,
@@ -116,11 +119,9 @@ class Rehearsal:
             at = state.site or state.position
             position = (at.x, at.y, at.z) if at is not None else None
             facts = Facts(name, state.health, state.battery, position, state.activity)
+            groups = frozenset(group for group, names in self._task.groups.items() if name in names)
             why_not = trouble(state, description)
-            # The edge has filled the roles: who is in one is what it asks for, whatever his groups.
-            found.append(
-                Candidate(name, state.adapter, can(description), facts, frozenset(), why_not, state.run)
-            )
+            found.append(Candidate(name, state.adapter, can(description), facts, groups, why_not, state.run))
         return found
 
     def _refusal(self, robot: str, origin: Origin, commands: bool, navigates: bool) -> str | None:  # noqa: FBT001 - by position

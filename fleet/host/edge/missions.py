@@ -85,13 +85,12 @@ class Missions:
         self._states = self._bus_session.publishers(keys.run(self._edge, "*"))
         self.store = Store(folder)
         found = places_of(config.places)
-        places = {name: place.at for name, place in found.items() if place.frame == "site"}
         self.runs = Runs(
             self._edge,
             {**self._here, **self._elsewhere},
             candidates=self._candidates,
             allowed=self._refusal,
-            places=places,
+            places={name: place.at for name, place in found.items() if place.frame == "site"},
             store=self.store,
             clock=process.clock,
             soon=self._soon,
@@ -102,7 +101,6 @@ class Missions:
             loaded,
             self.runs.filling,
             states=lambda: [robot.state() for robot in self.runs.robots.values()],
-            places=places,
             folder=folder,
             clock=process.clock,
         )

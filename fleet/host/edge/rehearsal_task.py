@@ -11,6 +11,7 @@ from fleet.host.workers.worker_task import RobotTask
 from fleet.missions.program import Program
 from fleet.missions.rehearsal import RehearsalNote, RehearsalResult
 from fleet.model.geodesy import GeoOrigin
+from fleet.model.place import Place
 from fleet.model.state import RobotState
 
 
@@ -24,7 +25,7 @@ class PlacedRobot(msgspec.Struct, frozen=True):
 class RehearsalTask(msgspec.Struct, frozen=True):
     """One rehearsal. ``mission`` is the checked model (JSON), of which ``program`` was made.
 
-    ``places``: points of the site's frame by name. ``folder``: where relative paths begin. ``way``,
+    ``places`` and ``groups`` are those of fleet.yaml. ``folder``: where relative paths begin. ``way``,
     ``source_type`` and ``session_id`` are the authority under which the mission would run.
     """
 
@@ -33,7 +34,8 @@ class RehearsalTask(msgspec.Struct, frozen=True):
     program: Program
     roles: dict[str, list[str]]
     robots: tuple[PlacedRobot, ...]
-    places: dict[str, tuple[float, ...]]
+    places: dict[str, Place]
+    groups: dict[str, list[str]]
     folder: str
     site: GeoOrigin | None = None
     way: str = "bus"

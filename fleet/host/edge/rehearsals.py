@@ -23,6 +23,7 @@ from fleet.bus.zenoh_session import Query
 from fleet.clock import Clock
 from fleet.config.load import Loaded
 from fleet.config.missions import Mission
+from fleet.config.places import places_of
 from fleet.errors import Refused
 from fleet.host.edge.rehearsal_task import PlacedRobot, RehearsalLine, RehearsalTask
 from fleet.host.workers.worker_task import RobotTask
@@ -64,7 +65,7 @@ _encode = msgspec.json.Encoder().encode
 class Rehearsals:
     """Rehearses missions, and knows which may be started by what was rehearsed.
 
-    ``states`` are the robots of the edge as they are now, ``places`` its points in the site's frame.
+    ``states`` are the robots of the edge as they are now.
     """
 
     def __init__(
@@ -73,11 +74,10 @@ class Rehearsals:
         filling: Filling,
         *,
         states: Callable[[], Sequence[RobotState]],
-        places: dict[str, tuple[float, ...]],
         folder: Path,
         clock: Clock,
     ) -> None:
-        self._loaded, self._states, self._places = loaded, states, places
+        self._loaded, self._states = loaded, states
         self._filling = filling
         self._clock = clock
         self._config = config_digest(loaded)
@@ -111,17 +111,19 @@ class Rehearsals:
             raise Refused("another rehearsal is under way", hint="wait for its end")
         roles = self._filling.fill(mission, program, ask, rehearses=True)
         states = {state.name: state for state in self._states()}
-        site = self._loaded.config.site.origin
+        config = self._loaded.config
+        site = config.site.origin
         task = RehearsalTask(
             mission.name,
             mission.config.model_dump_json(by_alias=True),
             program,
             roles,
             tuple(
-                PlacedRobot(_task_of(self._loaded, at), states[config.name])
-                for at, (config, _) in enumerate(self._loaded.robots)
+                PlacedRobot(_task_of(self._loaded, at), states[robot.name])
+                for at, (robot, _) in enumerate(self._loaded.robots)
             ),
-            self._places,
+            places_of(config.places),
+            {name: list(members) for name, members in config.members.items()},
             str(self._loaded.folder.absolute()),
             GeoOrigin(*site) if site else None,
             Transport.BUS.value,

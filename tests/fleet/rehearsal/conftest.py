@@ -10,6 +10,7 @@ import pytest
 from fleet.cli.demo import demo_file
 from fleet.config.load import load
 from fleet.config.missions import mission_of
+from fleet.config.places import places_of
 from fleet.host.edge.rehearsal_task import PlacedRobot, RehearsalTask
 from fleet.host.workers.worker_task import RobotTask
 from fleet.model.geodesy import GeoOrigin
@@ -69,7 +70,8 @@ class Field:
             found.program(inputs),
             roles,
             robots,
-            {},
+            places_of(self.loaded.config.places),
+            {name: list(names) for name, names in self.loaded.config.members.items()},
             str(self.folder),
             GeoOrigin(*self.loaded.config.site.origin),
             seed=seed,
