@@ -115,7 +115,7 @@ class Rehearsals:
         site = config.site.origin
         task = RehearsalTask(
             mission.name,
-            mission.config.model_dump_json(by_alias=True),
+            mission.config.model_dump_json(by_alias=True, exclude_unset=True),
             program,
             roles,
             tuple(

@@ -66,7 +66,7 @@ class Field:
         )
         task = RehearsalTask(
             found.name,
-            found.config.model_dump_json(by_alias=True),
+            found.config.model_dump_json(by_alias=True, exclude_unset=True),
             found.program(inputs),
             roles,
             robots,

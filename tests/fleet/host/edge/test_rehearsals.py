@@ -18,7 +18,7 @@ PATROL = {
     "roles": {"eye": {"from": "rex"}},
     "steps": [
         {"id": "go", "do": {"eye": "walk"}},
-        {"id": "rest", "wait": "5 s"},
+        {"id": "rest", "wait": "60 s"},
     ],
     "rehearse": "required",
 }
