@@ -95,6 +95,7 @@ if TYPE_CHECKING:
     from fleet.robot_config import AdapterConfig, FenceConfig, Limits, Positive, Separation
     from fleet.runtime.decoding import convert_strictly, decode_json, msgpack_decoder
     from fleet.runtime.interpreter import interpreter_settings
+    from fleet.simulation import Simulation, SimulationStart
     from fleet.yaml_model import ExistingPath, Model, NewPath
 
 _HOME = {
@@ -179,6 +180,7 @@ _HOME = {
     "fleet.robot_config": ("AdapterConfig", "FenceConfig", "Limits", "Positive", "Separation"),
     "fleet.runtime.decoding": ("convert_strictly", "decode_json", "msgpack_decoder"),
     "fleet.runtime.interpreter": ("interpreter_settings",),
+    "fleet.simulation": ("Simulation", "SimulationStart"),
     "fleet.yaml_model": ("ExistingPath", "Model", "NewPath"),
 }
 _MODULE_OF = {name: module for module, names in _HOME.items() for name in names}
@@ -260,6 +262,8 @@ __all__ = [
     "ScaleReport",
     "Send",
     "Separation",
+    "Simulation",
+    "SimulationStart",
     "StatusText",
     "SystemClock",
     "Task",

@@ -30,6 +30,7 @@ from fleet.model.joints import JointRange
 from fleet.model.navigation import Progress, Task
 from fleet.model.report import Report
 from fleet.robot_config import AdapterConfig, Limits, Separation
+from fleet.simulation import Simulation, SimulationStart
 
 __all__ = [
     "Adapter",
@@ -141,6 +142,15 @@ class AdapterBase(ABC, Generic[ConfigT]):
     def commands(cls) -> Mapping[str, CommandSpec]:
         """Return the declared commands by name."""
         return commands_of(cls)
+
+    @staticmethod
+    def simulation(config: Any, start: SimulationStart) -> Simulation | None:  # noqa: ARG004 - for overriders
+        """Return the simulated robot that takes the robot's place in a rehearsal.
+
+        None: there is none that runs in simulated time, and a kinematic stand-in takes its place. Raises
+        Refused where it cannot begin as the robot stands now.
+        """
+        return None
 
     @classmethod
     def drives(cls) -> bool:

@@ -18,6 +18,8 @@ from fleet import (
     Range,
     Refused,
     Separation,
+    Simulation,
+    SimulationStart,
     Task,
     Velocity,
     command,
@@ -44,6 +46,13 @@ _ASKED = _TAKE_OVER | {GENTLE, "pause"}
 """The stops that somebody asked for; the others are the host's own, when something failed or ends."""
 
 
+def _simulation(config: MavlinkConfig, start: SimulationStart) -> Simulation:
+    """Return the simulated vehicle of a rehearsal; raises Refused."""
+    from fleet_mavlink.sim.rehearsed import simulated_vehicle  # noqa: PLC0415 - it is slow to import
+
+    return simulated_vehicle(config, start)
+
+
 class MavlinkAdapter(PayloadCommands, UpkeepCommands):
     """A multirotor on ArduPilot or PX4; which of them it is makes no difference to who commands it."""
 
@@ -53,6 +62,8 @@ class MavlinkAdapter(PayloadCommands, UpkeepCommands):
     tells_home = True
     failsafe = "the autopilot holds 1 to 3 s after the last velocity (docs/how-to/drone-safety.md)"
     separation: ClassVar[Separation] = Separation(radius=1.5, braking=1.5, precedence=3)
+
+    simulation = staticmethod(_simulation)
 
     _hub: LinkHub
     _sim: SimProcess | None = None  # of a simulated vehicle

@@ -31,7 +31,8 @@ from fleet_ugv.board import Board, Inbox
 from fleet_ugv.codecs.waveshare import GIMBAL_SPEED
 from fleet_ugv.config import UgvConfig
 from fleet_ugv.observer import Observer
-from fleet_ugv.odometry import WheelOdometry
+from fleet_ugv.odometry import POSE, WheelOdometry
+from fleet_ugv.sim.rehearsed import simulated_base
 from fleet_ugv.sim.spec import SimSpec, spec_of
 
 GivenT = TypeVar("GivenT")
@@ -51,7 +52,6 @@ MOUNT: Mapping[str, JointRange] = MappingProxyType(
 )
 """Joints of the camera mount: the firmware's ranges, and the speed that is sent with each angle."""
 _Delta = Annotated[float, Range(-math.tau, math.tau, "rad")]
-POSE = "pose"  # the key of ``robot.state`` under which odometry's last pose is kept
 
 
 class UgvAdapter(Adapter[UgvConfig]):
@@ -61,6 +61,7 @@ class UgvAdapter(Adapter[UgvConfig]):
     limits: ClassVar[Limits] = Limits(speed=1.0, yaw_rate=2.0)
     separation: ClassVar[Separation] = Separation(radius=0.4, braking=1.0, precedence=2)
     combines_keys: ClassVar[bool] = True
+    simulation = staticmethod(simulated_base)
 
     def __init__(self, config: UgvConfig, robot: Robot) -> None:
         super().__init__(config, robot)

@@ -221,6 +221,7 @@ def _welcome(out: Output, host: str, port: int, tries: Sequence[DemoExample], ed
         out.note("try, in another terminal:")
         out.note(f"  {fleet_program()} ps")
         if robot.startswith(("drone", "ugv")) and edge == EDGE:
+            out.note(f"  {fleet_program()} mission rehearse {PATROL}")
             out.note(f"  {fleet_program()} mission run {PATROL}")
         out.note(f"  {fleet_program()} send {name} {words} --wait")
         out.note(f"  {fleet_program()} goto {name} {goal} --wait")

@@ -208,17 +208,17 @@ class Edges:
 
     def start_mission(self, edge: str, name: str, asked: StartAsk) -> Started:
         """Start a mission on an edge; raises TimedOut when that does not answer."""
-        return self._one(keys.mission(edge, name), Started, asked, {"do": "start"})
+        return self.one(keys.mission(edge, name), Started, asked, {"do": "start"})
 
     def control_run(self, edge: str, run: str, asked: ControlAsk) -> Controlled:
         """Control a run; raises TimedOut when its edge does not answer."""
-        return self._one(keys.run(edge, run), Controlled, asked)
+        return self.one(keys.run(edge, run), Controlled, asked)
 
     def story(self, edge: str, run: str) -> list[Told]:
         """Return what happened in a run; raises TimedOut when its edge does not answer."""
-        return self._one(keys.run(edge, run), list[Told], ControlAsk("log"))
+        return self.one(keys.run(edge, run), list[Told], ControlAsk("log"))
 
-    def _one(
+    def one(
         self, key: str, kind: type[T], asked: msgspec.Struct, parameters: Mapping[str, str] | None = None
     ) -> T:
         """Ask one edge, by whichever way reaches it; raises TimedOut without an answer."""

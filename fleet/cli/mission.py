@@ -16,6 +16,7 @@ from fleet.cli.edges import Edges
 from fleet.cli.local_user import local_user
 from fleet.cli.options import reach_option
 from fleet.cli.output import ExitCode, Output, show_error, with_output
+from fleet.cli.rehearsals import follow_rehearsal
 from fleet.cli.runs import RUN_FILES, follow, one_run, robot_lines, state_line
 from fleet.cli.send import pair
 from fleet.errors import Refused
@@ -131,6 +132,30 @@ def run(
             out.data({"run": started.run, "roles": started.roles})
             return ExitCode.OK
         return follow(out, edges, started.run)
+
+
+@mission.command("rehearse")
+@click.argument("what", metavar="MISSION")
+@click.argument("inputs", nargs=-1, metavar="[INPUT=VALUE]...")
+@click.option("--robot", "robots", multiple=True, type=ROBOT, help="[ROLE=]ROBOT: who fills a role.")
+@reach_option
+@with_output
+def rehearse(
+    out: Output, what: str, inputs: tuple[str, ...], *, robots: tuple[str, ...], file: str | None
+) -> ExitCode:
+    """Carry a mission out with simulated robots, where the robots are now, and tell how it goes.
+
+    No robot moves: the edge does it in a process of its own, faster than real time. MISSION and the exit
+    codes are those of run. A mission with rehearse: required is started for an hour after a rehearsal that
+    went well.
+    """
+    name, sent = _sent(what, robots)
+    with Edges.reach(file) as edges:
+        chosen = _chosen(robots, sent)
+        given = dict(pair(each) for each in inputs)
+        ask = StartAsk(mission=sent, inputs=given, robots=chosen, session_id=local_user())
+        again = " ".join(["fleet mission run", what, *inputs, *(f"--robot {robot}" for robot in robots)])
+        return follow_rehearsal(out, edges, _edge_of(edges, name, chosen, sent), name, ask, again)
 
 
 @mission.command("ps")

@@ -9,9 +9,13 @@ import msgspec
 from fleet.config.missions import Mission
 from fleet.errors import Refused
 from fleet.missions.program import Do, Program
+from fleet.missions.rehearsal import Point
 from fleet.missions.report import StartAsk
 from fleet.missions.roles import Candidate, filled, is_meant, runs_in_the_way
 from fleet.missions.run import Run
+
+Rehearsed = Callable[[Program, dict[str, list[str]] | None, dict[str, Point | None]], str]
+"""Why a mission may not be started by what was rehearsed, by its robots by role and where robots are."""
 
 
 class Filling:
@@ -20,19 +24,38 @@ class Filling:
     def __init__(self, candidates: Callable[[], list[Candidate]], runs: Callable[[], Iterable[Run]]) -> None:
         self._candidates = candidates
         self._runs = runs
+        self.rehearsed: Rehearsed = lambda *_: "rehearsals are not kept here"
 
-    def fill(self, mission: Mission, program: Program, ask: StartAsk) -> dict[str, list[str]]:
-        """Return who would fill the roles of a mission; raises Refused."""
-        _require_rehearsal(mission)
+    def fill(
+        self, mission: Mission, program: Program, ask: StartAsk, *, rehearses: bool = False
+    ) -> dict[str, list[str]]:
+        """Return who would fill the roles of a mission; raises Refused.
+
+        Also where it must be rehearsed and was not, unless this is for a rehearsal.
+        """
         needs, free = needs_of(program), self._free(ask.run)
-        return filled(mission.config.roles, needs, free, program.require, ask.robots)
+        roles = filled(mission.config.roles, needs, free, program.require, ask.robots)
+        if not rehearses:
+            self._require_rehearsal(mission, program, ask, roles)
+        return roles
+
+    def _require_rehearsal(
+        self, mission: Mission, program: Program, ask: StartAsk, roles: dict[str, list[str]] | None
+    ) -> None:
+        """Raise Refused for a mission that must be rehearsed and was not; ``roles``: None while not known."""
+        if mission.config.rehearse != "required":
+            return
+        places = {each.name: each.facts.position for each in self._candidates()}
+        why = self.rehearsed(program, roles, places)
+        if why:
+            raise Refused(f"it must be rehearsed first, and {why}", hint=rehearse_command(mission.name, ask))
 
     def in_the_way(self, mission: Mission, program: Program, ask: StartAsk) -> list[str]:
         """Return the runs of the same mission, at its places, and with robots that it needs.
 
         Raises Refused where it could not be started even if they ended.
         """
-        _require_rehearsal(mission)
+        self._require_rehearsal(mission, program, ask, None)
         needs, free = needs_of(program), self._free(ask.run)
         found = runs_in_the_way(mission.config.roles, needs, free, program.require, ask.robots)
         for run in self._runs():
@@ -61,10 +84,12 @@ class Filling:
         return found
 
 
-def _require_rehearsal(mission: Mission) -> None:
-    """Raise Refused for a mission that must be rehearsed."""
-    if mission.config.rehearse == "required":
-        raise Refused("the mission must be rehearsed first, and rehearsals are not built yet")
+def rehearse_command(name: str, ask: StartAsk) -> str:
+    """Return what a person types to rehearse what was asked for."""
+    words = ["fleet mission rehearse", name if ask.mission is None else "FILE"]
+    words += [f"{key}={value}" for key, value in ask.inputs.items()]
+    words += [f"--robot {role}={robot}" for role, robots in ask.robots.items() for robot in robots]
+    return " ".join(words)
 
 
 def needs_of(program: Program) -> dict[str, frozenset[str]]:

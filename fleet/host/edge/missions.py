@@ -19,6 +19,7 @@ from fleet.errors import Refused, WireError
 from fleet.host.edge.cloud_workflows import CloudWorkflows
 from fleet.host.edge.mission_robots import RobotElsewhere, RobotHere, can, trouble
 from fleet.host.edge.mission_starter import MissionStarter
+from fleet.host.edge.rehearsals import Rehearsals
 from fleet.host.edge.start_requests import StartRequests
 from fleet.host.edge.twin_plans import TwinPlans
 from fleet.host.process.robot_process import RobotProcess
@@ -95,6 +96,13 @@ class Missions:
             soon=self._soon,
             stop=stop,
             told=self._publish,
+        )
+        self.rehearsals = Rehearsals(
+            loaded,
+            self.runs.filling,
+            states=lambda: [robot.state() for robot in self.runs.robots.values()],
+            folder=folder,
+            clock=process.clock,
         )
         self.starter = MissionStarter(self._missions, self.runs, self._described, process.clock)
         self.starts = StartRequests(self.runs, self._described, self._soon)
@@ -253,8 +261,11 @@ class Missions:
 
     def _asked_mission(self, question: Query) -> None:
         """Take a question for a mission; on the bus's thread."""
-        name = question.asked.rpartition("/")[2]
-        if question.parameters.get("do") != "start":
+        name, do = question.asked.rpartition("/")[2], question.parameters.get("do")
+        if do == "rehearsal":
+            self._soon(partial(self.rehearsals.look, question))
+            return
+        if do not in {"start", "rehearse"}:
             for each in self._missions.values():
                 if "*" in name or each.name == name:
                     question.reply(
@@ -267,7 +278,11 @@ class Missions:
             ask = self._asked(question)
             return self._mission(name, ask), ask
 
-        self.starts.begin(made, Transport.BUS, partial(self._tell_started, name, question))
+        began = partial(self._tell_started, name, question)
+        if do == "rehearse":
+            self.starts.check(made, partial(self.rehearsals.begin, question), began)
+        else:
+            self.starts.begin(made, Transport.BUS, began)
 
     def _asked(self, question: Query) -> StartAsk:
         """Return what is asked; raises Refused, DecodeError."""

@@ -21,6 +21,8 @@ log = logging.getLogger(__name__)
 
 Made = Callable[[], tuple[Mission, StartAsk]]
 """Returns the mission that is meant and what is asked; raises Refused, InvalidConfig, DecodeError."""
+Checked = Callable[[Mission, Program, StartAsk], None]
+"""Goes on with a mission that was checked."""
 
 
 class StartRequests:
@@ -52,8 +54,12 @@ class StartRequests:
             except Refused as error:
                 began("", {}, str(error))
 
+        self.check(made, start, began)
+
+    def check(self, made: Made, then: Checked, began: Began) -> None:
+        """Check a mission and go on with it on the loop; ``began`` hears why not. From any thread."""
         try:
-            self._checker.submit(self._check, made, start, began)
+            self._checker.submit(self._check, made, then, began)
         except RuntimeError:  # we are closed
             began("", {}, "the edge ends")
 
@@ -61,7 +67,7 @@ class StartRequests:
         """Start nothing more; waits for what is being checked."""
         self._checker.shutdown(cancel_futures=True)
 
-    def _check(self, made: Made, start: Callable[[Mission, Program, StartAsk], None], began: Began) -> None:
+    def _check(self, made: Made, then: Checked, began: Began) -> None:
         """Check what is to be started; it may take its time, and robots wait for the loop."""
         try:
             mission, ask = made()
@@ -74,4 +80,4 @@ class StartRequests:
             log.exception("a mission could not be checked")
             began("", {}, f"{type(error).__name__}; the edge's log says why")
         else:
-            self._soon(partial(self._described, partial(start, mission, program, ask)))
+            self._soon(partial(self._described, partial(then, mission, program, ask)))

@@ -81,9 +81,8 @@ class LocalRobot:
         self.config = config
         self._drop_in, self._supervised = drop_in, supervised
         self.name, self.twin = config.name, str(config.twin)
-        self.source_type = config.source_type
+        self.source_type, self.legacy_status = config.source_type, config.legacy_status
         self._simulated = config.simulated  # here once: the state is asked for often
-        self.legacy_status = config.legacy_status
         self._adapter = adapter
         self._edge, self._worker = edge, worker
         self._clock, self._scheduler, self._shared = clock, scheduler, shared
@@ -328,6 +327,7 @@ class LocalRobot:
             age=rounded(self._seen.age(self._clock.monotonic())),
             run=self.controller.lease.run,
             left_run=self.controller.lease.left,
+            heading=rounded(self._seen.heading),
         )
 
     def describe(self) -> RobotDescription:
