@@ -45,6 +45,7 @@ class EdgeConnections:
         self._clock = clock
         self._buses: dict[str, Bus] = {}
         self._joining: dict[str, asyncio.Task[None]] = {}
+        self._closing: set[asyncio.Task[None]] = set()
         self._not_before: dict[str, float] = {}
         self._lock = threading.Lock()
         self._pending: dict[str, bytes] = {}
@@ -72,10 +73,11 @@ class EdgeConnections:
                 self._look()
                 await asyncio.sleep(LOOK)
         finally:
-            for task in self._joining.values():
-                task.cancel()
-            for bus in self._buses.values():
-                await asyncio.to_thread(bus.close)
+            # What is being opened is waited for, and closed: a thread inside Zenoh must not outlive us.
+            await asyncio.gather(*self._joining.values(), return_exceptions=True)
+            for edge in list(self._buses):
+                self._leave(edge)
+            await asyncio.gather(*self._closing, return_exceptions=True)
 
     def _look(self) -> None:
         """Begin to join what runs and is not joined; leave what is gone."""
@@ -100,7 +102,9 @@ class EdgeConnections:
         """Close the bus of an edge that is gone; it is joined again when it is back."""
         bus = self._buses.pop(edge)
         self._view.edge_is(edge, alive=False, problem="it has gone", now=self._clock.monotonic())
-        self._closing = asyncio.create_task(asyncio.to_thread(bus.close))
+        closing = asyncio.create_task(asyncio.to_thread(bus.close), name=f"close:{edge}")
+        self._closing.add(closing)
+        closing.add_done_callback(self._closing.discard)
 
     async def _join(self, settings: BusSettings) -> None:
         """Join one edge, or show why not."""

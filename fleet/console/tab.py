@@ -12,10 +12,12 @@ import msgspec
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
 from fleet.console import commands
+from fleet.console.driving import Driving
 from fleet.console.requests import (
     Asked,
     CausesAsked,
     CommandAsked,
+    DriveAsked,
     GotoAsked,
     PingAsked,
     ReleaseAsked,
@@ -55,6 +57,7 @@ class Tab:
         self._operator = operator
         self._open: set[asyncio.Task[None]] = set()
         self._sending = asyncio.Lock()
+        self._driving = Driving(operator.name, hub.edges.lane_to, hub.clock, self._drove)
         self._calls: Mapping[type[object], Call] = {
             StopAsked: self._stop,
             ReleaseAsked: self._command,
@@ -71,6 +74,7 @@ class Tab:
         except (WebSocketDisconnect, RuntimeError):
             pass
         finally:
+            self._driving.end()
             for task in (feeding, *self._open):
                 task.cancel()
             await asyncio.gather(feeding, *self._open, return_exceptions=True)
@@ -134,10 +138,16 @@ class Tab:
         elif isinstance(asked, WatchAsked):
             self.watched = asked.robot
             self._hub.edges.ask_description(asked.robot)
+        elif isinstance(asked, DriveAsked):
+            self._driving.drive(asked)
         elif len(self._open) >= MOST_OPEN and not isinstance(asked, StopAsked):
             await self._tell(asked.request, "", {"status": "rejected", "reason": TOO_MANY})
         else:
             self._begin(self._guarded(asked))
+
+    def _drove(self, told: Mapping[str, object]) -> None:
+        """Tell the page how a velocity was answered."""
+        self._begin(self._send(msgspec.json.encode(told)))
 
     def _begin(self, work: Coroutine[Any, Any, None]) -> None:
         """Run work beside the listening."""

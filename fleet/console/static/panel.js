@@ -2,6 +2,7 @@
 
 import { byId, counted, duration, element, figure, healthMark, show, timeOfDay } from "./dom.js";
 import { order } from "./answers.js";
+import { noPad, padOf } from "./pad.js";
 import { ask, label, onChange, send, staleness, store } from "./store.js";
 import { stoppedRobots } from "./stopview.js";
 
@@ -227,7 +228,7 @@ const parts = {};
 function part(name, key, make) {
   const place = (parts[name] ??= byId("robot").appendChild(element("div", { class: `part ${name}` })));
   const text = JSON.stringify(key);
-  if (place.dataset.key === text || held) return;
+  if (place.dataset.key === text || (held && name !== "figures")) return;
   place.dataset.key = text;
   const focused = place.contains(document.activeElement) ? document.activeElement.textContent : "";
   show(place, make());
@@ -246,6 +247,8 @@ function draw() {
   part("title", names, make);
   part("stopped", [stopped.map((each) => [each.id, each.stop_cause]), releasing, causes, store.permission], () => (stopped.length ? release(stopped) : []));
   part("figures", robot && [robot, position(robot), store.poses[robot.id]], () => (robot ? [facts(robot)] : []));
+  const drives = robot && told?.drives && operates() ? told : null;
+  part("driving", drives && [robot.id, drives.limits], () => (drives ? [element("h3", {}, "Drive by hand"), padOf(robot, drives)] : noPad() || []));
   // While a form is open, nothing that is told replaces what is typed into it.
   part("asking", robot && [robot.id, opened || told, store.permission], () => (robot ? commands(robot) : []));
 }
@@ -259,6 +262,7 @@ export function startPanel() {
   onChange((kinds) => {
     if (kinds.has("open")) watched = null;
     if (kinds.has("selection")) {
+      window.fleetPage.endPads();
       releasing = false;
       opened = "";
     }
