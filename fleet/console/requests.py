@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 import msgspec
 
@@ -78,6 +78,26 @@ class DriveAsked(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_fi
         return not (self.linear_x or self.linear_y or self.linear_z or self.angular_z)
 
 
+class MissionAsked(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field="ask", tag="mission"):
+    """Start a mission that an edge knows."""
+
+    request: str
+    edge: str
+    name: str
+    inputs: dict[str, Any] = {}
+
+
+class RunAsked(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field="ask", tag="run"):
+    """Control a run, or answer its ``question``."""
+
+    request: str
+    edge: str
+    run: str
+    do: Literal["pause", "resume", "abort", "answer"]
+    question: int = 0
+    goes_on: bool = False
+
+
 class WatchAsked(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field="ask", tag="watch"):
     """Tell what this robot takes, for as long as its page is open; an empty name: none."""
 
@@ -97,9 +117,9 @@ class PingAsked(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_fie
     number: int
 
 
-Asked = (
-    StopAsked | ReleaseAsked | GotoAsked | CommandAsked | DriveAsked | WatchAsked | CausesAsked | PingAsked
-)
+Request = StopAsked | ReleaseAsked | GotoAsked | CommandAsked | CausesAsked | MissionAsked | RunAsked
+"""What is answered by its request's name."""
+Asked = Request | DriveAsked | WatchAsked | PingAsked
 
 _NEEDS: Mapping[type[object], Permission] = {
     StopAsked: Permission.VIEW,
@@ -110,8 +130,14 @@ _NEEDS: Mapping[type[object], Permission] = {
     GotoAsked: Permission.OPERATE,
     CommandAsked: Permission.OPERATE,
     DriveAsked: Permission.OPERATE,
+    MissionAsked: Permission.OPERATE,
+    RunAsked: Permission.OPERATE,
 }
 """The permission that each request needs; a stop is everybody's."""
+
+
+_WORDS = ("request", "robot", "command", "why", "edge", "name", "run")
+"""Fields that hold a name or a text."""
 
 
 def needed_for(asked: Asked) -> Permission:
@@ -144,6 +170,6 @@ def _require_bounds(asked: Asked) -> None:
     robots = getattr(asked, "robots", ())
     if len(robots) > MOST_ROBOTS:
         raise WireError(f"more than {MOST_ROBOTS} robots", where="robots")
-    words = [*robots, *(getattr(asked, field, "") for field in ("request", "robot", "command", "why"))]
+    words = [*robots, *(getattr(asked, field, "") for field in _WORDS)]
     if any(len(word) > LONGEST_WORD for word in words):
         raise WireError(f"a name or text has more than {LONGEST_WORD} characters")

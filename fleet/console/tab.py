@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import msgspec
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
-from fleet.console import commands
+from fleet.console import commands, missions
 from fleet.console.driving import Driving
 from fleet.console.requests import (
     Asked,
@@ -19,8 +19,11 @@ from fleet.console.requests import (
     CommandAsked,
     DriveAsked,
     GotoAsked,
+    MissionAsked,
     PingAsked,
     ReleaseAsked,
+    Request,
+    RunAsked,
     StopAsked,
     WatchAsked,
     needed_for,
@@ -42,8 +45,6 @@ MOST_BAD = 16  # messages that cannot be read, after which a page is closed
 UNREADABLE = 1007  # close code of RFC 6455: data that is not of the agreed form
 TOO_MANY = "too many requests are under way"
 
-Request = StopAsked | ReleaseAsked | GotoAsked | CommandAsked | CausesAsked
-"""What is answered by its request's name."""
 Call = Callable[[Any], Awaitable[None]]
 
 
@@ -64,6 +65,8 @@ class Tab:
             GotoAsked: self._command,
             CommandAsked: self._command,
             CausesAsked: self._causes,
+            MissionAsked: self._mission,
+            RunAsked: self._run,
         }
 
     async def run(self) -> None:
@@ -155,9 +158,7 @@ class Tab:
         self._open.add(task)
         task.add_done_callback(self._open.discard)
 
-    async def _guarded(
-        self, asked: StopAsked | ReleaseAsked | GotoAsked | CommandAsked | CausesAsked
-    ) -> None:
+    async def _guarded(self, asked: Request) -> None:
         """Do what is asked; what goes wrong is its answer."""
         try:
             await self._calls[type(asked)](asked)
@@ -195,6 +196,18 @@ class Tab:
         lanes = list(self._hub.edges.lanes().values())
         found = await asyncio.to_thread(commands.causes, lanes, robots)
         await self._tell(asked.request, "", {"status": "accepted", "causes": found})
+
+    async def _mission(self, asked: MissionAsked) -> None:
+        """Start a mission."""
+        lanes = list(self._hub.edges.lanes().values())
+        start = asyncio.to_thread(missions.start, asked, lanes, self._operator.name, self._hub.clock)
+        await self._tell(asked.request, "", await start)
+
+    async def _run(self, asked: RunAsked) -> None:
+        """Control a run."""
+        lanes = list(self._hub.edges.lanes().values())
+        control = asyncio.to_thread(missions.control, asked, lanes, self._operator.name)
+        await self._tell(asked.request, "", await control)
 
 
 def _shown(reply: Reply) -> dict[str, object]:

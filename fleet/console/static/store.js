@@ -13,6 +13,8 @@ export const store = {
   goals: {},
   descriptions: {},
   stops: {},
+  missions: {},
+  runs: {},
   tracks: {},
   operator: "",
   permission: "view",
@@ -68,7 +70,7 @@ function takeNews(message) {
   store.now = message.now;
   store.time = message.time;
   const kinds = new Set();
-  for (const kind of ["edges", "robots", "poses", "goals", "descriptions", "stops"]) {
+  for (const kind of ["edges", "robots", "poses", "goals", "descriptions", "stops", "missions", "runs"]) {
     if (!message[kind]) continue;
     kinds.add(kind);
     Object.assign(store[kind], message[kind]);

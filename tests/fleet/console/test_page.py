@@ -4,6 +4,7 @@ import contextlib
 import json
 import re
 
+import msgspec
 import pytest
 
 from fleet.console.sessions import Permission
@@ -11,6 +12,7 @@ from fleet.model.command import Reply, ReplyStatus
 from fleet.model.description import CommandDescription, ParameterDescription, RobotDescription
 from fleet.model.geometry import Vector3
 from fleet.model.site import Placement
+from fleet.model.state import RobotState
 from fleet.testing.waiting import wait_until
 
 WAIT = 60_000  # ms; busy computers are slow
@@ -310,6 +312,16 @@ def test_a_refusal_ends_the_pad_and_is_shown(open_page, yard):
     page.focus(".pad")
     page.keyboard.down("w")
     shows(page, ".pad [role=status]", "rejected: anna has control")
+
+
+def test_what_is_wrong_is_shown_by_cause_while_no_robot_is_selected(open_page, yard):
+    page = open_page()
+    stuck = RobotState("beast", "", "toy", "yard-1", 1.0, health="fault", cause=f"{SCRIPT} is stuck")
+    yard.bus.control.put("fleet/yard-1/robots/beast/state", msgspec.json.encode(stuck))
+    shows(page, "#robot .causes", f"{SCRIPT} is stuck")
+    shows(page, "#robot .causes", "since ")
+    page.click(".causes button.link >> nth=0")
+    page.wait_for_selector('#robots [aria-selected="true"]')
 
 
 @pytest.mark.parametrize("scheme", ["light", "dark"])
