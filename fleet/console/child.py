@@ -27,7 +27,7 @@ log = logging.getLogger(__name__)
 
 START_WITHIN = 20.0  # s
 LOOK = 0.05  # s between looks whether it serves
-LEAVE_WITHIN = 3.0  # s
+LEAVE_WITHIN = 6.0  # s; a console that just joins an edge waits for it
 STABLE_AFTER = 30.0  # s of life after which the next restart is quick again
 EXTRA = "the console needs its extra: pip install 'zenoh-fleet[console]' (here: uv sync --extra console)"
 

@@ -18,7 +18,7 @@ from fleet.bus.zenoh_session import ZenohSession
 from fleet.clock import Clock
 from fleet.console.fleet_view import FleetView, id_of
 from fleet.console.requests import CommandAsked, GotoAsked, ReleaseAsked
-from fleet.errors import FleetError, Refused
+from fleet.errors import CommandError, FleetError, Refused
 from fleet.history.event_filter import MOST, EventFilter, newest
 from fleet.history.record import Record
 from fleet.history.stop_causes import stop_causes
@@ -125,6 +125,6 @@ def causes(lanes: Iterable[ZenohSession], robots: list[RobotState]) -> dict[str,
 
 def refused(error: FleetError) -> dict[str, object]:
     """Return an error as a page shows it."""
-    reason = error.reason if isinstance(error, Refused) else str(error)
-    hint = error.hint if isinstance(error, Refused) else ""
+    reason = error.reason if isinstance(error, CommandError) else str(error)
+    hint = error.hint if isinstance(error, CommandError) else ""
     return {"status": ReplyStatus.REJECTED.value, "reason": reason, "hint": hint}

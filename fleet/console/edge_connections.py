@@ -21,6 +21,7 @@ from fleet.clock import Clock
 from fleet.console.fleet_view import FleetView, Goals
 from fleet.console.task import ConsoleTask
 from fleet.errors import BusError, WireError
+from fleet.missions.report import MissionState, RunState
 from fleet.model.description import RobotDescription
 from fleet.model.report import PoseReport
 from fleet.model.state import EdgeState, RobotState
@@ -45,14 +46,17 @@ class EdgeConnections:
         self._clock = clock
         self._buses: dict[str, Bus] = {}
         self._joining: dict[str, asyncio.Task[None]] = {}
+        self._closing: set[asyncio.Task[None]] = set()
         self._not_before: dict[str, float] = {}
         self._lock = threading.Lock()
         self._pending: dict[str, bytes] = {}
         self._takers: Mapping[str, Callable[[list[str], bytes], None]] = {
-            "state": self._take_state,
+            "robots/state": self._take_state,
+            "robots/description": self._take_description,
             "health": self._take_health,
             "places": self._take_places,
-            "description": self._take_description,
+            "missions": self._take_mission,
+            "runs": self._take_run,
             "data": self._take_pose,
         }
 
@@ -72,10 +76,11 @@ class EdgeConnections:
                 self._look()
                 await asyncio.sleep(LOOK)
         finally:
-            for task in self._joining.values():
-                task.cancel()
-            for bus in self._buses.values():
-                await asyncio.to_thread(bus.close)
+            # What is being opened is waited for, and closed: a thread inside Zenoh must not outlive us.
+            await asyncio.gather(*self._joining.values(), return_exceptions=True)
+            for edge in list(self._buses):
+                self._leave(edge)
+            await asyncio.gather(*self._closing, return_exceptions=True)
 
     def _look(self) -> None:
         """Begin to join what runs and is not joined; leave what is gone."""
@@ -100,7 +105,9 @@ class EdgeConnections:
         """Close the bus of an edge that is gone; it is joined again when it is back."""
         bus = self._buses.pop(edge)
         self._view.edge_is(edge, alive=False, problem="it has gone", now=self._clock.monotonic())
-        self._closing = asyncio.create_task(asyncio.to_thread(bus.close))
+        closing = asyncio.create_task(asyncio.to_thread(bus.close), name=f"close:{edge}")
+        self._closing.add(closing)
+        closing.add_done_callback(self._closing.discard)
 
     async def _join(self, settings: BusSettings) -> None:
         """Join one edge, or show why not."""
@@ -121,14 +128,14 @@ class EdgeConnections:
     def _open(self, settings: BusSettings) -> Bus:
         """Join an edge's bus and subscribe; blocks."""
         bus = join(settings, self._directory)
-        for key in (keys.state("*", "*"), keys.health("*"), keys.places("*", "*")):
+        for key in (keys.state("*", "*"), keys.health("*"), keys.places("*", "*"), keys.run("*", "*")):
             bus.control.subscribe(key, self._arrived)
         bus.reports.gather(POSITIONS, self._gathered)
         return bus
 
     def _ask_states(self, control: ZenohSession) -> None:
         """Ask for what does not change and so is not published soon; blocks."""
-        for key in (keys.health("*"), keys.state("*", "*")):
+        for key in (keys.health("*"), keys.state("*", "*"), keys.mission("*", "*"), keys.run("*", "*")):
             for answered, data in control.ask(key, b"", timeout=ANSWER_WITHIN):
                 self._arrived(answered, data)
 
@@ -162,7 +169,8 @@ class EdgeConnections:
         # States first: a pose is shown in the frame that its robot's state tells.
         for key in sorted(pending, key=lambda key: key.startswith("cw/")):
             parts = key.split("/")
-            taker = self._takers.get(parts[-1]) or self._takers.get(parts[2])
+            kind = f"robots/{parts[-1]}" if parts[2] == "robots" else parts[2]
+            taker = self._takers.get(kind)
             try:
                 if taker is not None:
                     taker(parts, pending[key])
@@ -184,6 +192,15 @@ class EdgeConnections:
     def _take_description(self, parts: list[str], payload: bytes) -> None:
         """Take what a robot takes."""
         self._view.take_description(parts[1], decode_json(payload, RobotDescription))
+
+    def _take_mission(self, _parts: list[str], payload: bytes) -> None:
+        """Take a mission that can be started."""
+        found = decode_json(payload, MissionState)
+        self._view.put("missions", f"{found.edge}/{found.name}", msgspec.to_builtins(found))
+
+    def _take_run(self, _parts: list[str], payload: bytes) -> None:
+        """Take a run of a mission."""
+        self._view.take_run(decode_json(payload, RunState))
 
     def _take_pose(self, parts: list[str], payload: bytes) -> None:
         """Take where a robot is."""

@@ -12,14 +12,16 @@ from typing import Any
 
 import msgspec
 
+from fleet.missions.report import RunState
 from fleet.model.description import RobotDescription
 from fleet.model.geometry import Vector3, wrap_angle
 from fleet.model.report import PoseReport
 from fleet.model.state import EdgeState, RobotState
 
-KINDS = ("edges", "robots", "poses", "goals", "descriptions", "stops", "notes")
+KINDS = ("edges", "robots", "poses", "goals", "descriptions", "stops", "missions", "runs")
 """The kinds of entries, in the order in which a page takes them."""
 MOST_STOPS = 20  # stops that are shown; older ones are in the history
+MOST_RUNS = 30
 ROUNDED = 3  # decimals of metres and radians: less than anybody sees on a map
 
 
@@ -147,9 +149,18 @@ class FleetView:
     def take_stop(self, request: str, shown: Mapping[str, object]) -> None:
         """Take how a stop goes; the oldest are left out."""
         self.put("stops", request, dict(shown))
-        stops = self._entries["stops"]
-        while len(stops) > MOST_STOPS:
-            stops.pop(next(iter(stops)))
+        self._keep("stops", MOST_STOPS)
+
+    def take_run(self, run: RunState) -> None:
+        """Take a run of a mission; those that changed longest ago are left out."""
+        self.put("runs", f"{run.edge}/{run.run}", msgspec.to_builtins(run))
+        self._keep("runs", MOST_RUNS)
+
+    def _keep(self, kind: str, most: int) -> None:
+        """Leave out entries that changed longest ago."""
+        entries = self._entries[kind]
+        while len(entries) > most:
+            entries.pop(next(iter(entries)))
 
     def named(self, names: Iterable[str]) -> list[RobotState]:
         """Return the states of robots by their identities; those that nobody knows are left out."""

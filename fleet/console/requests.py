@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
+from typing import Annotated, Any, Literal
 
 import msgspec
 
@@ -13,8 +13,12 @@ from fleet.runtime.decoding import json_decoder
 
 MOST_ROBOTS = 1000  # in one request
 LONGEST_WORD = 200  # characters of an identity, a name, a reason
+FASTEST = 50.0  # m/s or rad/s; each robot's own limits are the edge's business
 ADMIN_COMMANDS = frozenset({"restart_adapter", "set_parameters", "reboot"})
 """Commands that change a robot for longer than its next motion."""
+
+
+Speed = Annotated[float, msgspec.Meta(ge=-FASTEST, le=FASTEST)]
 
 
 class StopAsked(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field="ask", tag="stop"):
@@ -55,6 +59,45 @@ class CommandAsked(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_
     data: dict[str, Any] = {}
 
 
+class DriveAsked(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field="ask", tag="drive"):
+    """Hold a velocity: m/s and rad/s in the robot's body frame (x forward, y left, z up).
+
+    ``number`` comes back with the answer: the page measures the way and back.
+    """
+
+    number: int
+    robot: str
+    linear_x: Speed = 0.0
+    linear_y: Speed = 0.0
+    linear_z: Speed = 0.0
+    angular_z: Speed = 0.0
+
+    @property
+    def is_zero(self) -> bool:
+        """True when its driver has let go."""
+        return not (self.linear_x or self.linear_y or self.linear_z or self.angular_z)
+
+
+class MissionAsked(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field="ask", tag="mission"):
+    """Start a mission that an edge knows."""
+
+    request: str
+    edge: str
+    name: str
+    inputs: dict[str, Any] = {}
+
+
+class RunAsked(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field="ask", tag="run"):
+    """Control a run, or answer its ``question``."""
+
+    request: str
+    edge: str
+    run: str
+    do: Literal["pause", "resume", "abort", "answer"]
+    question: int = 0
+    goes_on: bool = False
+
+
 class WatchAsked(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field="ask", tag="watch"):
     """Tell what this robot takes, for as long as its page is open; an empty name: none."""
 
@@ -74,7 +117,9 @@ class PingAsked(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_fie
     number: int
 
 
-Asked = StopAsked | ReleaseAsked | GotoAsked | CommandAsked | WatchAsked | CausesAsked | PingAsked
+Request = StopAsked | ReleaseAsked | GotoAsked | CommandAsked | CausesAsked | MissionAsked | RunAsked
+"""What is answered by its request's name."""
+Asked = Request | DriveAsked | WatchAsked | PingAsked
 
 _NEEDS: Mapping[type[object], Permission] = {
     StopAsked: Permission.VIEW,
@@ -84,8 +129,15 @@ _NEEDS: Mapping[type[object], Permission] = {
     ReleaseAsked: Permission.OPERATE,
     GotoAsked: Permission.OPERATE,
     CommandAsked: Permission.OPERATE,
+    DriveAsked: Permission.OPERATE,
+    MissionAsked: Permission.OPERATE,
+    RunAsked: Permission.OPERATE,
 }
 """The permission that each request needs; a stop is everybody's."""
+
+
+_WORDS = ("request", "robot", "command", "why", "edge", "name", "run")
+"""Fields that hold a name or a text."""
 
 
 def needed_for(asked: Asked) -> Permission:
@@ -118,6 +170,6 @@ def _require_bounds(asked: Asked) -> None:
     robots = getattr(asked, "robots", ())
     if len(robots) > MOST_ROBOTS:
         raise WireError(f"more than {MOST_ROBOTS} robots", where="robots")
-    words = [*robots, *(getattr(asked, field, "") for field in ("request", "robot", "command", "why"))]
+    words = [*robots, *(getattr(asked, field, "") for field in _WORDS)]
     if any(len(word) > LONGEST_WORD for word in words):
         raise WireError(f"a name or text has more than {LONGEST_WORD} characters")

@@ -11,14 +11,19 @@ from typing import TYPE_CHECKING, Any
 import msgspec
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
-from fleet.console import commands
+from fleet.console import commands, missions
+from fleet.console.driving import Driving
 from fleet.console.requests import (
     Asked,
     CausesAsked,
     CommandAsked,
+    DriveAsked,
     GotoAsked,
+    MissionAsked,
     PingAsked,
     ReleaseAsked,
+    Request,
+    RunAsked,
     StopAsked,
     WatchAsked,
     needed_for,
@@ -40,8 +45,6 @@ MOST_BAD = 16  # messages that cannot be read, after which a page is closed
 UNREADABLE = 1007  # close code of RFC 6455: data that is not of the agreed form
 TOO_MANY = "too many requests are under way"
 
-Request = StopAsked | ReleaseAsked | GotoAsked | CommandAsked | CausesAsked
-"""What is answered by its request's name."""
 Call = Callable[[Any], Awaitable[None]]
 
 
@@ -55,12 +58,15 @@ class Tab:
         self._operator = operator
         self._open: set[asyncio.Task[None]] = set()
         self._sending = asyncio.Lock()
+        self._driving = Driving(operator.name, hub.edges.lane_to, hub.clock, self._drove)
         self._calls: Mapping[type[object], Call] = {
             StopAsked: self._stop,
             ReleaseAsked: self._command,
             GotoAsked: self._command,
             CommandAsked: self._command,
             CausesAsked: self._causes,
+            MissionAsked: self._mission,
+            RunAsked: self._run,
         }
 
     async def run(self) -> None:
@@ -71,6 +77,7 @@ class Tab:
         except (WebSocketDisconnect, RuntimeError):
             pass
         finally:
+            self._driving.end()
             for task in (feeding, *self._open):
                 task.cancel()
             await asyncio.gather(feeding, *self._open, return_exceptions=True)
@@ -134,10 +141,16 @@ class Tab:
         elif isinstance(asked, WatchAsked):
             self.watched = asked.robot
             self._hub.edges.ask_description(asked.robot)
+        elif isinstance(asked, DriveAsked):
+            self._driving.drive(asked)
         elif len(self._open) >= MOST_OPEN and not isinstance(asked, StopAsked):
             await self._tell(asked.request, "", {"status": "rejected", "reason": TOO_MANY})
         else:
             self._begin(self._guarded(asked))
+
+    def _drove(self, told: Mapping[str, object]) -> None:
+        """Tell the page how a velocity was answered."""
+        self._begin(self._send(msgspec.json.encode(told)))
 
     def _begin(self, work: Coroutine[Any, Any, None]) -> None:
         """Run work beside the listening."""
@@ -145,9 +158,7 @@ class Tab:
         self._open.add(task)
         task.add_done_callback(self._open.discard)
 
-    async def _guarded(
-        self, asked: StopAsked | ReleaseAsked | GotoAsked | CommandAsked | CausesAsked
-    ) -> None:
+    async def _guarded(self, asked: Request) -> None:
         """Do what is asked; what goes wrong is its answer."""
         try:
             await self._calls[type(asked)](asked)
@@ -185,6 +196,18 @@ class Tab:
         lanes = list(self._hub.edges.lanes().values())
         found = await asyncio.to_thread(commands.causes, lanes, robots)
         await self._tell(asked.request, "", {"status": "accepted", "causes": found})
+
+    async def _mission(self, asked: MissionAsked) -> None:
+        """Start a mission."""
+        lanes = list(self._hub.edges.lanes().values())
+        start = asyncio.to_thread(missions.start, asked, lanes, self._operator.name, self._hub.clock)
+        await self._tell(asked.request, "", await start)
+
+    async def _run(self, asked: RunAsked) -> None:
+        """Control a run."""
+        lanes = list(self._hub.edges.lanes().values())
+        control = asyncio.to_thread(missions.control, asked, lanes, self._operator.name)
+        await self._tell(asked.request, "", await control)
 
 
 def _shown(reply: Reply) -> dict[str, object]:

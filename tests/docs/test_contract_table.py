@@ -8,9 +8,7 @@ import pytest
 TESTS = Path(__file__).parents[1]
 PAGE = (TESTS.parent / "docs" / "reference" / "contract.md").read_text(encoding="utf-8")
 ROWS = [
-    row
-    for row in re.findall(r"^\| (.+?) \| (.+?) \| (.+) \|$", PAGE, re.MULTILINE)
-    if row[0] != "subject"
+    row for row in re.findall(r"^\| (.+?) \| (.+?) \| (.+) \|$", PAGE, re.MULTILINE) if row[0] != "subject"
 ]
 TEST = re.compile(r"`([\w/]+\.py)::(\w+)`")
 NAMED = sorted(set(TEST.findall(PAGE)))

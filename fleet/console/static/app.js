@@ -2,6 +2,7 @@
 
 import { startAnswers } from "./answers.js";
 import { startMap } from "./map.js";
+import { startPad } from "./pad.js";
 import { startPanel } from "./panel.js";
 import { startRobots } from "./robots.js";
 import { startStopView } from "./stopview.js";
@@ -12,4 +13,5 @@ startRobots();
 startPanel();
 startAnswers();
 startMap();
+startPad();
 start();

@@ -2,10 +2,12 @@
 
 import { byId, counted, duration, element, figure, healthMark, show, timeOfDay } from "./dom.js";
 import { order } from "./answers.js";
+import { health, healthKey, missions, runs } from "./overview.js";
+import { noPad, padOf } from "./pad.js";
 import { ask, label, onChange, send, staleness, store } from "./store.js";
 import { stoppedRobots } from "./stopview.js";
 
-const HIDDEN = new Set(["release_emergency_stop", "emergency_stop", "join_run", "leave_run", "take"]);
+const HIDDEN = new Set(["release_emergency_stop", "emergency_stop", "join_run", "leave_run"]);
 const operates = () => store.permission !== "view";
 let causes = {};
 let releasing = false;
@@ -144,7 +146,7 @@ function kinds(shown) {
 function commands(robot) {
   const told = store.descriptions[robot.id];
   if (!told) return [element("p", { class: "dim" }, "What it takes is not known yet.")];
-  const shown = told.commands.filter((command) => !HIDDEN.has(command.name));
+  const shown = told.commands.filter((command) => !HIDDEN.has(command.name) && (robot.run || command.name !== "take"));
   const refusals = new Map();
   for (const command of shown) if (command.refusal) refusals.set(command.refusal, (refusals.get(command.refusal) || 0) + 1);
   const form = shown.find((command) => command.name === opened);
@@ -227,7 +229,7 @@ const parts = {};
 function part(name, key, make) {
   const place = (parts[name] ??= byId("robot").appendChild(element("div", { class: `part ${name}` })));
   const text = JSON.stringify(key);
-  if (place.dataset.key === text || held) return;
+  if (place.dataset.key === text || (held && name !== "figures")) return;
   place.dataset.key = text;
   const focused = place.contains(document.activeElement) ? document.activeElement.textContent : "";
   show(place, make());
@@ -245,9 +247,15 @@ function draw() {
   const make = robot ? () => title(robot) : chosen.length ? () => titleOfSeveral(chosen) : titleOfNobody;
   part("title", names, make);
   part("stopped", [stopped.map((each) => [each.id, each.stop_cause]), releasing, causes, store.permission], () => (stopped.length ? release(stopped) : []));
+  const alone = !chosen.length;
+  part("health", alone && healthKey(), () => (alone ? health() : []));
+  part("runs", alone && [store.runs, store.permission], () => (alone ? runs() : []));
+  part("missions", alone && [store.missions, store.permission], () => (alone ? missions() : []));
   part("figures", robot && [robot, position(robot), store.poses[robot.id]], () => (robot ? [facts(robot)] : []));
+  const drives = robot && told?.drives && operates() ? told : null;
+  part("driving", drives && [robot.id, drives.limits], () => (drives ? [element("h3", {}, "Drive by hand"), padOf(robot, drives)] : noPad() || []));
   // While a form is open, nothing that is told replaces what is typed into it.
-  part("asking", robot && [robot.id, opened || told, store.permission], () => (robot ? commands(robot) : []));
+  part("asking", robot && [robot.id, opened || told, robot.run, store.permission], () => (robot ? commands(robot) : []));
 }
 
 export function startPanel() {
@@ -259,6 +267,7 @@ export function startPanel() {
   onChange((kinds) => {
     if (kinds.has("open")) watched = null;
     if (kinds.has("selection")) {
+      window.fleetPage.endPads();
       releasing = false;
       opened = "";
     }

@@ -13,6 +13,8 @@ export const store = {
   goals: {},
   descriptions: {},
   stops: {},
+  missions: {},
+  runs: {},
   tracks: {},
   operator: "",
   permission: "view",
@@ -27,12 +29,23 @@ export const store = {
 
 const listeners = new Set();
 const waiting = new Map(); // by request: what takes its answers
+let drove = () => {};
+let closed = () => {};
 let socket = null;
 let pinged = 0;
 let number = 0;
 
 export function onChange(call) {
   listeners.add(call);
+}
+
+// Tell how velocities are answered, and when the connection closes.
+export function onDrove(call) {
+  drove = call;
+}
+
+export function onClose(call) {
+  closed = call;
 }
 
 export function changed(kinds, message) {
@@ -45,6 +58,8 @@ function take(message) {
   else if (message.type === "answer") takeAnswer(message);
   else if (message.type === "pong" && message.number === number) {
     store.roundTrip = performance.now() - pinged;
+  } else if (message.type === "drove") {
+    drove(message);
   } else if (message.type === "hello") {
     Object.assign(store, { operator: message.operator, permission: message.permission, version: message.version });
     changed(new Set(["hello", "robots"]));
@@ -55,7 +70,7 @@ function takeNews(message) {
   store.now = message.now;
   store.time = message.time;
   const kinds = new Set();
-  for (const kind of ["edges", "robots", "poses", "goals", "descriptions", "stops"]) {
+  for (const kind of ["edges", "robots", "poses", "goals", "descriptions", "stops", "missions", "runs"]) {
     if (!message[kind]) continue;
     kinds.add(kind);
     Object.assign(store[kind], message[kind]);
@@ -100,7 +115,10 @@ function connect() {
   const scheme = location.protocol === "https:" ? "wss" : "ws";
   socket = new WebSocket(`${scheme}://${location.host}/ws`);
   socket.onmessage = (event) => take(JSON.parse(event.data));
-  socket.onclose = () => setTimeout(connect, AGAIN);
+  socket.onclose = () => {
+    closed();
+    setTimeout(connect, AGAIN);
+  };
   socket.onopen = () => changed(new Set(["open"]));
 }
 

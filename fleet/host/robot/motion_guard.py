@@ -19,6 +19,7 @@ from fleet.host.robot.battery_watch import BatteryWatch
 from fleet.host.robot.separation_keeper import SeparationKeeper
 from fleet.host.safety.fence import Fence
 from fleet.model.command import Command, Reply
+from fleet.model.description import FenceDescription
 from fleet.model.event import EventKind
 from fleet.model.geodesy import GeoOrigin, GeoPoint, world_from_geo
 from fleet.model.geometry import ZERO_VELOCITY, Pose, Vector3, Velocity, rotate_to_world
@@ -96,6 +97,13 @@ class MotionGuard:
         self._trouble = ""
         self._fence: Fence | None = None
         self._draw()
+
+    @property
+    def borders(self) -> FenceDescription | None:
+        """The fence in the robot's world, None without one or while its corners cannot be placed."""
+        if self._config is None or self._fence is None:
+            return None
+        return FenceDescription(self._fence.inclusion, self._fence.exclusion)
 
     # -- what the robot tells ------------------------------------------------------------------------
 

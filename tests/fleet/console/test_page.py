@@ -4,6 +4,7 @@ import contextlib
 import json
 import re
 
+import msgspec
 import pytest
 
 from fleet.console.sessions import Permission
@@ -11,6 +12,7 @@ from fleet.model.command import Reply, ReplyStatus
 from fleet.model.description import CommandDescription, ParameterDescription, RobotDescription
 from fleet.model.geometry import Vector3
 from fleet.model.site import Placement
+from fleet.model.state import RobotState
 from fleet.testing.waiting import wait_until
 
 WAIT = 60_000  # ms; busy computers are slow
@@ -46,7 +48,8 @@ def yard(play_edge):
         ),
         CommandDescription("dock", refusal="the battery is full"),
     )
-    described = RobotDescription("rex", "toy", commands, goals=True)
+    limits = {"speed": 2.0, "yaw_rate": 1.0}
+    described = RobotDescription("rex", "toy", commands, drives=True, goals=True, limits=limits)
     yard.tells("fleet/yard-1/robots/rex/description", described)
     return yard
 
@@ -244,6 +247,81 @@ def test_who_may_only_view_is_offered_nothing_that_moves_and_may_stop(open_page,
     assert page.locator("button.command:not([aria-disabled])").count() == 0
     page.click('[data-stop="selected"]')
     assert stops_of(yard, before) == [["rex"]]
+
+
+def driven(asked):
+    """Return the velocities forward that a robot was asked for."""
+    told = [json.loads(each.payload) for each in list(asked) if each.parameters["kind"] == "motion"]
+    return [message["linear_x"] for message in told]
+
+
+@pytest.fixture
+def pad(open_page, yard):
+    """Hold the pad's button for forward; returns the page and the velocities that the robot is asked for."""
+
+    def hold(**prepared):
+        asked = yard.answers("rex", Reply("motion", ReplyStatus.ACCEPTED))
+        page = open_page(**prepared)
+        page.click(row(REX))
+        page.hover(".axis.forward")
+        page.mouse.down()
+        # The page is asked each time, because the browser's messages pass only then.
+        wait_until("three velocities", lambda: page.evaluate("1") and driven(asked).count(1.0) >= 3)
+        assert 0.0 not in driven(asked)
+        return page, asked
+
+    return hold
+
+
+ENDS = {
+    "release": lambda page: page.mouse.up(),
+    "escape": lambda page: page.keyboard.press("Escape"),
+    "blur": lambda page: page.evaluate("dispatchEvent(new Event('blur'))"),
+    "stop": lambda page: page.select_option("#stop-group", label="ground"),
+    "selection": lambda page: page.evaluate("document.querySelector('#robots li').click()"),
+    "closed tab": lambda page: page.close(),
+}
+
+
+@pytest.mark.parametrize("ends", ENDS)
+def test_a_robot_is_driven_only_while_the_pad_is_held(pad, ends):
+    page, asked = pad()
+    ENDS[ends](page)
+    wait_until("the zero", lambda: 0.0 in driven(asked))
+    assert set(driven(asked)[driven(asked).index(0.0) :]) == {0.0}
+
+
+def test_a_pad_ends_when_the_answers_take_too_long(pad):
+    muted = []
+
+    def route(socket):
+        server = socket.connect_to_server()
+        server.on_message(lambda message: None if muted and "drove" in message else socket.send(message))
+
+    page, asked = pad(prepare=lambda page: page.route_web_socket(re.compile("/ws$"), route))
+    muted.append(True)
+    shows(page, ".pad [role=status]", "no answer within 300 ms")
+    wait_until("the zero", lambda: driven(asked)[-1] == 0.0)
+
+
+def test_a_refusal_ends_the_pad_and_is_shown(open_page, yard):
+    yard.answers("beast", Reply("motion", ReplyStatus.REJECTED, "anna has control"))
+    yard.tells("fleet/yard-1/robots/beast/description", RobotDescription("beast", "toy", (), drives=True))
+    page = open_page()
+    page.click(row(BEAST))
+    page.focus(".pad")
+    page.keyboard.down("w")
+    shows(page, ".pad [role=status]", "rejected: anna has control")
+
+
+def test_what_is_wrong_is_shown_by_cause_while_no_robot_is_selected(open_page, yard):
+    page = open_page()
+    stuck = RobotState("beast", "", "toy", "yard-1", 1.0, health="fault", cause=f"{SCRIPT} is stuck")
+    yard.bus.control.put("fleet/yard-1/robots/beast/state", msgspec.json.encode(stuck))
+    shows(page, "#robot .causes", f"{SCRIPT} is stuck")
+    shows(page, "#robot .causes", "since ")
+    page.click(".causes button.link >> nth=0")
+    page.wait_for_selector('#robots [aria-selected="true"]')
 
 
 @pytest.mark.parametrize("scheme", ["light", "dark"])
