@@ -27,6 +27,7 @@ class Field:
     def __init__(self, folder, *, drones=1, ugvs=1, **changes):
         self.folder = folder
         data = json.loads(demo_file(drones, "127.0.0.1", 1, ugvs=ugvs, dogs=1))
+        data["places"] = {"gate": {"at": [1, -2]}}
         for robot in data["robots"]:
             robot.update(changes.get(robot["adapter"], {}) | changes.get(robot["name"], {}))
         (folder / "fleet.yaml").write_text(json.dumps(data))

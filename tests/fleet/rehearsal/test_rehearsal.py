@@ -139,6 +139,13 @@ def test_questions_are_answered_and_waits_for_the_world_are_cut_short_and_both_a
     )
 
 
+def test_robots_are_sent_to_the_places_of_fleet_yaml(field):
+    steps = [{"id": "go", "do": {"rover": {"goto": "gate"}}}]
+    result = field().result({"roles": {"rover": {"from": "ugvs"}}, "steps": steps}, {"rover": ["ugv-1"]})
+    assert result.passed
+    assert 1.0 < result.timeline[0].ended < 10.0
+
+
 def test_what_is_left_out_of_the_rehearsal_is_told(field):
     yard = field()
     yard.state("dog-1", site=None, placement=None)
