@@ -83,8 +83,8 @@ def new(out: Output, name: str, kind: str, into: pathlib.Path) -> None:
 
     Makes the folder NAME with an adapter, a simulated robot, tests (the contract that the host relies on,
     and some of its own), pyproject.toml with the entry point, and a README. All tests pass as they are:
-    replace the example's words by your robot's. NAME is what fleet.yaml will say: small letters, digits
-    and hyphens. Never overwrites: a folder of this name is an error.
+    replace the example's protocol by your robot's. NAME is the name in fleet.yaml (adapter: NAME): small
+    letters, digits and hyphens. Never overwrites: a folder of this name is an error.
 
     For example:  fleet adapters new hexapod --kind can
     """
