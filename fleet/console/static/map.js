@@ -2,6 +2,7 @@
 
 import { byId, counted, element, show } from "./dom.js";
 import { order } from "./answers.js";
+import { addPoint, drawing, openDrawing, paintDrawing, update } from "./draw.js";
 import { label, mapped, onChange, select, staleness, store } from "./store.js";
 
 const GRIP = 14; // px around a robot that are the robot
@@ -299,6 +300,7 @@ function draw() {
     paint.lineWidth = 2.5;
     cross([target.x, target.y], 9);
   }
+  paintDrawing(paint, toScreen, colors);
   drawBox();
 }
 
@@ -373,6 +375,7 @@ function chooseBox({ from, to }, event) {
 
 function clicked(event) {
   if (event.button > 0) return;
+  if (drawing.kind) return addPoint(toSite(...place(event)));
   const robot = robotAt(place(event));
   if (robot) {
     aim(null);
@@ -459,12 +462,17 @@ export function startMap() {
   byId("target").addEventListener("keydown", (event) => event.key === "Escape" && aim(null));
   byId("zoom-in").addEventListener("click", () => zoom(1.25));
   byId("zoom-out").addEventListener("click", () => zoom(0.8));
+  byId("draw").addEventListener("click", openDrawing);
+  drawing.changed = () => (dirty = true);
   byId("zoom-fit").addEventListener("click", fit);
   onChange((kinds) => {
     dirty = true;
     // Until somebody moves the map it shows all robots, also those that come later.
     if (!view.touched && kinds.has("poses") && view.fitted !== whoIsMapped()) fit();
-    if (kinds.has("selection")) aim(null);
+    if (kinds.has("selection")) {
+      aim(null);
+      update();
+    }
   });
   setInterval(() => (dirty = true), 1000);
   draw();
