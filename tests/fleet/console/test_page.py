@@ -79,6 +79,7 @@ def open_page(browser, console, yard):
             page.goto(console.link(permission), wait_until="load" if loads else "commit")
             if loads:
                 page.wait_for_selector(row(REX))
+                page.wait_for_selector(row(BEAST))
             return page
 
         yield open_page
