@@ -14,9 +14,8 @@ from fleet.bus import keys
 from fleet.bus.bus import join_control
 from fleet.bus.settings import BusSettings, running_edges, runtime_dir
 from fleet.bus.zenoh_session import ZenohSession
-from fleet.cli.output import NotRunning
 from fleet.config.text import nearest
-from fleet.errors import BusError, Refused, TimedOut
+from fleet.errors import BusError, NotRunning, Refused, TimedOut
 from fleet.history.event_filter import EventFilter, newest
 from fleet.history.record import Record
 from fleet.missions.report import ControlAsk, Controlled, MissionState, RunState, StartAsk, Started
