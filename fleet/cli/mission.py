@@ -14,11 +14,12 @@ from fleet.cli.completion import ROBOT
 from fleet.cli.options import reach_option
 from fleet.cli.output import ExitCode, Output, show_error, with_output
 from fleet.cli.rehearsals import follow_rehearsal
-from fleet.cli.runs import follow, robot_lines, state_line
+from fleet.cli.runs import follow, lane_lines
 from fleet.cli.send import pair
 from fleet.client.edges import Edges
 from fleet.client.local_user import local_user
 from fleet.client.missions import (
+    LOOK,
     MISSION_FILES,
     edge_of,
     find_run,
@@ -164,16 +165,19 @@ def rehearse(
 @reach_option
 @with_output
 def ps(out: Output, *, ended: bool, file: str | None) -> ExitCode:
-    """Show the runs that are under way, with what each of their robots does."""
+    """Show the runs that are under way, with a lane for each of their robots: what it did, and does.
+
+    On a terminal it follows them until they have ended, or until Ctrl-C; they go on.
+    """
     with Edges.reach(file) as edges:
-        found = [each for each in edges.runs("*") if ended or not each.outcome]
+        while True:
+            found = [each for each in edges.runs("*") if ended or not each.outcome]
+            if out.as_json or out.height is None or not any(not each.outcome for each in found):
+                break
+            out.screen(lane_lines(found, out.width))
+            time.sleep(LOOK)
     out.data({"runs": [msgspec.to_builtins(each) for each in found]})
-    for each in found:
-        out.say(state_line(each))
-        for line in robot_lines(each):
-            out.say(f"  {line}")
-    if not found:
-        out.say("no run is under way")
+    out.lines(lane_lines(found, out.width))
     return ExitCode.OK
 
 
@@ -220,6 +224,32 @@ def story(out: Output, run: str, *, file: str | None) -> ExitCode:
         clock = time.strftime("%H:%M:%S", time.localtime(each.stamp))
         where = " ".join(word for word in (each.step, each.robot) if word)
         out.say(f"{clock} {where}{': ' if where else ''}{each.text}")
+    return ExitCode.OK
+
+
+@mission.command("results")
+@click.argument("run", required=False, default="")
+@reach_option
+@with_output
+def results(out: Output, run: str, *, file: str | None) -> ExitCode:
+    """List what RUN left behind on its edge's disk: tracks, pictures, its log; of the newest when left out.
+
+    A track is CSV: Unix seconds, then x, y, z in metres.
+    """
+    with Edges.reach(file) as edges:
+        state = find_run(edges, run, ended=True)
+        found = edges.results(state.edge, state.run)
+        log = edges.story(state.edge, state.run)
+    listed = [msgspec.to_builtins(each) for each in found]
+    out.data({"run": state.run, "edge": state.edge, "results": listed, "log": len(log)})
+    rows = [
+        [each.kind, each.robot, f"{each.points} points" if each.points else f"{each.bytes} bytes", each.file]
+        for each in found
+    ]
+    out.table(
+        ["kind", "robot", "size", "file"],
+        [*rows, ["log", "", f"{len(log)} lines", f"fleet mission log {state.run}"]],
+    )
     return ExitCode.OK
 
 

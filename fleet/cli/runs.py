@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import msgspec
 
-from fleet.cli.output import ExitCode, Output
+from fleet.cli.output import ExitCode, Output, table_lines
 from fleet.client.missions import MissionRun
+from fleet.config.text import printable
 from fleet.errors import TimedOut
-from fleet.missions.report import RunState
+from fleet.missions.report import RunRobot, RunState
 
+WIDE = 200  # columns of a table that goes to no terminal
 EXITS = {"completed": ExitCode.OK, "completed_with_losses": ExitCode.SOME_FAILED, "unknown": ExitCode.UNKNOWN}
 
 
@@ -33,6 +37,24 @@ def robot_lines(state: RunState) -> list[str]:
         + (f": {each.reason}" if each.reason else "")
         for each in state.robots
     ]
+
+
+def lane_lines(states: Sequence[RunState], width: int | None) -> list[str]:
+    """Return runs as lines: each with its robots below it, and the lane of each; ``width`` of the screen."""
+    lines = [] if states else ["no run is under way"]
+    for state in states:
+        rows = [
+            [each.robot, each.role, each.doing or each.outcome or "waits", " > ".join(each.lane) + _why(each)]
+            for each in state.robots
+        ]
+        shown = table_lines(["robot", "role", "now", "lane"], rows, (width or WIDE) - 2)
+        lines += [printable(state_line(state))[:width], *(f"  {row}"[:width] for row in shown)]
+    return lines
+
+
+def _why(robot: RunRobot) -> str:
+    """Return why a robot is out of its run, as the end of its lane."""
+    return f" ({robot.reason})" if robot.reason else ""
 
 
 def follow(out: Output, run: MissionRun) -> ExitCode:

@@ -15,6 +15,7 @@ from fleet.client.edges import Edges
 from fleet.client.local_user import local_user
 from fleet.errors import Refused, TimedOut, WireError
 from fleet.missions.report import ControlAsk, MissionState, RunState, StartAsk, Started
+from fleet.missions.results import Result
 from fleet.missions.store import Told
 
 LOOK = 0.5  # s between two looks at a run
@@ -80,6 +81,10 @@ class MissionRun:
     def log(self) -> list[Told]:
         """Return what happened in it, the oldest line first; raises TimedOut."""
         return self._edges.story(self.edge, self.id)
+
+    def results(self) -> list[Result]:
+        """Return what it has left behind so far: files on the disk of its edge."""
+        return self._edges.results(self.edge, self.id)
 
     def _control(self, asked: ControlAsk) -> None:
         """Control it; raises Refused, TimedOut."""

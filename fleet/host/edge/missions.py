@@ -20,6 +20,7 @@ from fleet.host.edge.cloud_workflows import CloudWorkflows
 from fleet.host.edge.mission_robots import RobotElsewhere, RobotHere, can, trouble
 from fleet.host.edge.mission_starter import MissionStarter
 from fleet.host.edge.rehearsals import Rehearsals
+from fleet.host.edge.run_results import RunResults
 from fleet.host.edge.start_requests import StartRequests
 from fleet.host.edge.twin_plans import TwinPlans
 from fleet.host.process.robot_process import RobotProcess
@@ -35,6 +36,7 @@ from fleet.missions.report import (
     Started,
     ended_state,
 )
+from fleet.missions.results import EVERY as TRACK_EVERY
 from fleet.missions.roles import Candidate
 from fleet.missions.runs import Runs, check_run_id
 from fleet.missions.state import Facts, Head, Member
@@ -42,7 +44,7 @@ from fleet.missions.store import About, Store, Told
 from fleet.model.command import Origin, Transport
 from fleet.model.description import RobotDescription
 from fleet.model.event import EventKind, EventReport, Requester, Severity
-from fleet.model.report import NavigationReport
+from fleet.model.report import NavigationReport, PhotoReport
 from fleet.model.state import RobotState
 from fleet.runtime.decoding import decode_json
 from fleet.wire.published import object_in
@@ -125,6 +127,9 @@ class Missions:
             record=process.history.add,
             clock=process.clock,
         )
+        twins = {twin: name for name, twin in self._twins.items()}
+        self.results = RunResults(folder, self.runs, self.runs.robots, twins, process.clock)
+        process.outbox.pictured = self.results.pictured
         process.on_stop = self.stopped
 
     def _soon(self, call: Callable[[], None]) -> None:
@@ -134,6 +139,7 @@ class Missions:
     def close(self) -> None:
         """Start nothing more, and write what waits; may wait."""
         self.starts.close()
+        self.results.close()
         self.store.close()
 
     @property
@@ -148,6 +154,7 @@ class Missions:
         self._hear_events()
         self.runs.take_up()
         self._process.scheduler.every(LOOK_EVERY, self.runs.turn)
+        self._process.scheduler.every(TRACK_EVERY, self.results.look)
 
     def stopped(self, names: tuple[str, ...], cause: StopCause) -> None:
         """Take note of an emergency stop; from any thread."""
@@ -176,6 +183,11 @@ class Missions:
             for name in self._elsewhere
         }
         self._process.bus.reports.subscribe_many(f"cw/*/data/{NavigationReport.channel}", actions)
+        pictures = {
+            data_key(self._twins[name], PhotoReport.channel): self.results.heard(self._twins[name])
+            for name in self._elsewhere
+        }
+        self._process.bus.reports.subscribe_many(f"cw/*/data/{PhotoReport.channel}", pictures)
 
     def _event(self, robot: str, event: str) -> None:
         """Take an event of a robot; from any thread, and for nothing while no run is under way."""
@@ -248,6 +260,7 @@ class Missions:
             self._record(state, EventKind.OUTCOME, f"mission {state.mission} {state.outcome}{reason}")
         self.plans.told(state)
         self.workflows.told(state)
+        self.results.told(state)
         publisher = self._states.wanted(keys.run(self._edge, state.run))
         if publisher is not None:
             publisher.put(_encode(state))
@@ -330,6 +343,9 @@ class Missions:
             return
         if ask.do == "log":
             self.store.story(run, partial(self._tell_story, question, run))
+            return
+        if ask.do == "results":
+            self.results.answer(question, keys.run(self._edge, run), run)
             return
         question.reply(_encode(Controlled(self.runs.control(run, ask))), keys.run(self._edge, run))
         question.close()
