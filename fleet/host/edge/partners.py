@@ -45,18 +45,27 @@ class PartnerRobot:
         self._partners = partners
         self._clock = clock
         self._state = RobotState(name, "", "", edge, 0.0, cause=f"edge {edge} does not answer")
-        self._heard = float("-inf")
+        self._heard = self._joined_at = float("-inf")
+        self._joined = self._left_before = ""
 
     def state(self) -> RobotState:
         """Return what its edge last said of it; without its place unless that is in our frame."""
         state = self._state
         if not self.placed:
             state = msgspec.structs.replace(state, site=None, placement=None)
+        joining = self._clock.monotonic() - self._joined_at <= SILENT_AFTER
+        if joining and not state.run and state.left_run == self._left_before:  # it was said before it joined
+            state = msgspec.structs.replace(state, run=self._joined)
         if self._clock.monotonic() - self._heard <= SILENT_AFTER:
             return state
         return msgspec.structs.replace(
             state, health="offline", cause=f"edge {self.edge} does not answer", reachable=False
         )
+
+    def joined(self, run: str) -> None:
+        """Note that it has joined a run: its edge says so within a second or so."""
+        self._joined, self._joined_at = run, self._clock.monotonic()
+        self._left_before = self._state.left_run
 
     def arrived(self, payload: bytes) -> None:
         """Take a state; on the bus's thread."""
@@ -186,13 +195,18 @@ class Partners:
         )
         self._held[run, robot.edge] = robots
 
+        def joined(reply: Reply) -> None:
+            if reply.ok:
+                robot.joined(run)
+            answer(reply)
+
         def granted(said: LeaseAnswer) -> None:
             robot.placed = self._site is not None and said.site == self._site
             if said.refusal:
                 self._held.get((run, robot.edge), set()).discard(robot.name)
                 answer(Reply(JOIN, ReplyStatus.REJECTED, said.refusal))
             else:
-                send(answer)
+                send(joined)
 
         self._ask(robot.edge, ask, granted)
 
