@@ -105,19 +105,19 @@ class Coordinators:
         event = EventReport(self._clock.time(), EventKind.STOP, f"{why}: {lapsed.do}", Severity.ERROR)
         self._record(lapsed.robot, event)
         log.error("%s: %s: %s", lapsed.robot, why, lapsed.do)
-        if state.last_command in COMES_DOWN and state.activity:  # it only makes itself safer
-            self._ask(robot, LEAVE, lapsed)
-        elif lapsed.do == "hold":
+        if lapsed.do == "hold" and not (state.last_command in COMES_DOWN and state.activity):
             self._ask(robot, "stop", lapsed)
-        else:
+            return
+        self._ask(robot, LEAVE, lapsed)  # nobody else than its run may move it
+        if lapsed.do != "hold":  # else it lands already, which only makes it safer
             self._ask(robot, lapsed.do, lapsed)
 
     def _ask(self, robot: Robot, command: str, lapsed: Lapsed) -> None:
         """Command a robot in the name of this edge; one that refuses is stopped."""
 
         def answered(reply: Reply) -> None:
-            if command != "stop" and (not reply.ok or reply.done is False):
-                self._ask(robot, "stop", lapsed)
+            if command not in ("stop", LEAVE) and (not reply.ok or reply.done is False):
+                self._soon(partial(self._ask, robot, "stop", lapsed))
 
         data = {"run": lapsed.run} if command == LEAVE else {}
         message = {"command": command, "data": data, "session_id": f"lease of {lapsed.edge}"}

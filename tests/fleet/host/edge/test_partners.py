@@ -12,6 +12,7 @@ from fleet.config.load import load
 from fleet.config.problems import InvalidConfig
 from fleet.errors import Refused
 from fleet.host.edge.edge import Edge
+from fleet.missions.state import Abort
 from fleet.model.command import Transport
 
 HERE = {"worker": "main", "stands": True}
@@ -35,6 +36,7 @@ AWAY = GO | {
         {"id": "rest", "wait": "10 min"},
     ]
 }
+ODD = AWAY | {"steps": [AWAY["steps"][0] | {"robot_failed": {"do": "dance"}}, AWAY["steps"][1]]}
 
 
 class Site:
@@ -56,7 +58,7 @@ class Site:
             "partners": {place.id: {"coordinates": True}},
         }
         partners = {self.barn_id: {"robots": ["own"]}}
-        place.change(missions={"go": GO, "away": AWAY}, partners=partners, site=SITE)
+        place.change(missions={"go": GO, "away": AWAY, "odd": ODD}, partners=partners, site=SITE)
         self.yard = self.barn = None
         self.cut = False
 
@@ -80,13 +82,6 @@ class Site:
             arrived = robot.arrived
             robot.arrived = lambda payload, arrived=arrived: None if self.cut else arrived(payload)
 
-    def partition(self):
-        """Let neither edge hear the other any more."""
-        self.cut = True
-
-    def heal(self):
-        self.cut = False
-
     def own(self):
         """Return what the barn says of its robot."""
         return self.barn.process.robots["own"].state()
@@ -109,7 +104,7 @@ async def both(site, run_edge, asks):
         site.build()
         async with run_edge(site.yard), run_edge(site.barn):
             own = site.yard.missions.partners.robots["own"]
-            await asks.until(lambda: own.state().health == "ok" and site.own().health == "ok")
+            await asks.until(lambda: own.state().health == "ok" and own._state.placement)
             await asks.until(lambda: site.yard.states()[0].health == "ok")
             yield
 
@@ -141,34 +136,45 @@ async def test_a_mission_has_robots_of_two_edges(site, both, asks):
         assert await asyncio.to_thread(abort) == "aborted"
         await asks.until(lambda: not site.own().run)
         await asks.until(lambda: not site.barn.missions.coordinators._leases._held)
+        site.yard.missions.runs.stop(("own",), "the mission failed")
+        await asks.until(lambda: site.own().emergency_stop)
+        assert not site.yard.process.robots["rex"].state().emergency_stop
 
 
-@pytest.mark.parametrize(("mission", "does"), [("go", "stop"), ("away", "walk")])
-async def test_bus_partition_two_edges(site, both, asks, mission, does):
+async def falls_silent(site, asks, mission, does):
+    """Cut the edges off from each other in a run; what its robot is told then, and not told after."""
+    runs, own = site.yard.missions.runs, site.yard.missions.partners.robots["own"]
+    before = len(site.words())
+    run = await asyncio.to_thread(start, site, mission)
+    await asks.until(lambda: len(site.words()) > before)
+    held = site.barn.missions.coordinators._leases._held
+    do = {"go": "hold", "away": "walk", "odd": "dance"}[mission]
+    await asks.until(lambda: [robots for _, robots in held.values() if robots == {"own": do}])
+    before = len(site.words())
+    site.cut = True
+    await asks.until(lambda: does in site.words()[before:] and not site.own().run)
+    found = runs.find(run)
+    await asks.until(lambda: found.engine.robots.members["own"].outcome)
+    assert found.engine.robots.members["own"].outcome == "lost"
+    assert found.engine.head.outcome is None, "the quorum holds: it goes on"
+    site.cut = False
+    await asks.until(lambda: own.state().reachable)
+    after = len(site.words())
+    late = json.dumps({"command": "walk", "session_id": f"run {run}"}).encode()
+    answers = []
+    own.read("command", late, way=Transport.BUS)(answers.append)
+    await asks.until(lambda: answers)
+    assert "it has left the run" in answers[0].reason
+    found.take(Abort("anna"))
+    await asks.until(lambda: runs.find(run) is None and not own.state().run)
+    assert "walk" not in site.words()[after:], "a robot that was lost is not commanded again"
+
+
+async def test_bus_partition_two_edges(site, both, asks):
     async with both():
-        run = await asyncio.to_thread(start, site, mission)
-        begun = "walk" if mission == "go" else "navigate"
-        await asks.until(lambda: begun in site.words())
-        if mission == "away":  # a renewal has said what the robot is to do
-            held = site.barn.missions.coordinators._leases._held
-            await asks.until(lambda: [robots for _, robots in held.values() if robots == {"own": "walk"}])
-        before = len(site.words())
-        site.partition()
-        await asks.until(lambda: does in site.words()[before:])
-        await asks.until(lambda: not site.own().run)
-        found = site.yard.missions.runs.find(run)
-        await asks.until(lambda: found.engine.robots.members["own"].outcome)
-        assert found.engine.robots.members["own"].outcome == "lost"
-        assert found.engine.head.outcome is None, "the quorum holds: it goes on"
-        site.heal()
-        after = len(site.words())
-        await asks.until(lambda: site.yard.missions.partners.robots["own"].state().reachable)
-        late = json.dumps({"command": "walk", "session_id": f"run {run}"}).encode()
-        answers = []
-        site.yard.missions.partners.robots["own"].read("command", late, way=Transport.BUS)(answers.append)
-        await asks.until(lambda: answers)
-        assert "it has left the run" in answers[0].reason
-        assert "walk" not in site.words()[after:], "a robot that was lost is not commanded again"
+        await falls_silent(site, asks, "go", "stop")
+        await falls_silent(site, asks, "odd", "stop")  # it has no such command
+        await falls_silent(site, asks, "away", "walk")
 
 
 async def test_an_edge_that_fleet_yaml_does_not_name_gets_no_robot(site, both):
@@ -187,13 +193,6 @@ async def test_places_mean_nothing_to_a_robot_whose_site_has_another_origin(site
         await asks.until(lambda: found.engine.robots.members["own"].outcome)
         assert "not placed in the site's frame" in found.engine.robots.members["own"].reason
         assert "navigate" not in site.words()
-
-
-async def test_an_emergency_stop_of_the_run_reaches_the_robot_of_the_other_edge(site, both, asks):
-    async with both():
-        site.yard.missions.runs.stop(("own",), "the mission failed")
-        await asks.until(lambda: site.own().emergency_stop)
-        assert not site.yard.process.robots["rex"].state().emergency_stop
 
 
 def test_a_partners_robot_needs_a_name_of_its_own(site):
