@@ -47,6 +47,7 @@ ELSEWHERE = {
     "history/reader.py": "fleet/history/test_store.py",
     "history/record.py": "fleet/history/test_store.py",
     "host/edge/certificate_expiry.py": "fleet/cli/test_certs.py",
+    "host/edge/coordinators.py": "fleet/host/edge/test_partners.py",
     "host/edge/cloud_presence.py": "fleet/host/test_two_edges.py",
     "host/edge/metrics_port.py": "fleet/host/test_two_edges.py",
     "host/edge/mission_robots.py": "fleet/missions/test_runs.py",
