@@ -21,6 +21,7 @@ from fleet.config.checks import (
     Identity,
     check_bus,
     check_followers,
+    check_partners,
     check_robots,
     check_schedules,
     check_stop_inputs,
@@ -152,6 +153,10 @@ def _known(data: Mapping[str, Any]) -> Known:
     ]
     groups = data.get("groups")
     places = data.get("places")
+    partners = data.get("partners")
+    for partner in partners.values() if isinstance(partners, dict) else ():
+        there = partner.get("robots") if isinstance(partner, dict) else None
+        robots += there if isinstance(there, list) else []
     names = [str(name) for name in (*robots, *(groups if isinstance(groups, dict) else ()))]
     return Known(names, list(places) if isinstance(places, dict) else [])
 
@@ -164,6 +169,7 @@ def _check_together(document: Document, sections: Sections | None, robots: Mappi
     check_stop_inputs(document.data, document)
     check_schedules(document.data, document)
     check_workflows(document.data, document)
+    check_partners(document.data, document)
     configs = {index: robot.config for index, robot in robots.items()}
     check_followers(configs, document)
     if sections is not None:

@@ -2,6 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping
+from functools import partial
+
+from fleet.bus import keys
+from fleet.bus.zenoh_session import ZenohSession
 from fleet.errors import WireError
 from fleet.host.robot.dry_run import against
 from fleet.host.robot.local_robot import LocalRobot
@@ -10,7 +15,10 @@ from fleet.model.command import Command, Request, Transport
 from fleet.model.description import RobotDescription
 from fleet.model.navigation import Navigate
 from fleet.model.state import RobotState
+from fleet.runtime.decoding import decode_json
 from fleet.wire.rules import Kind
+
+DESCRIBED_WITHIN = 2.0  # s for other processes to say what their robots take
 
 
 class RobotHere:
@@ -59,6 +67,43 @@ class RobotElsewhere:
         if state.emergency_stop:
             return f"its emergency stop is set: {state.stop_cause}"
         return "" if state.reachable else f"it is offline: {state.cause}"
+
+
+class Descriptions:
+    """What robots of other processes take, as they say; ``edges`` are theirs, by name."""
+
+    def __init__(
+        self, control: ZenohSession, soon: Callable[[Callable[[], None]], None], edges: Mapping[str, str]
+    ) -> None:
+        self._control, self._soon, self._edges = control, soon, edges
+        self._told: dict[str, RobotDescription] = {}
+
+    def of(self, name: str) -> RobotDescription | None:
+        """Return what a robot takes; None when it never said so."""
+        return self._told.get(name)
+
+    def ask(self, then: Callable[[], None]) -> None:
+        """Ask all of them, then go on, on the loop."""
+        waiting = set(self._edges)
+        if not waiting:
+            self._soon(then)
+
+        def told(name: str, data: bytes) -> None:
+            self._told[name] = decode_json(data, RobotDescription)
+
+        def ended(name: str) -> None:
+            waiting.discard(name)
+            if not waiting:
+                self._soon(then)
+
+        for name in sorted(waiting):
+            self._control.ask_later(
+                keys.description(self._edges[name], name),
+                b"",
+                timeout=DESCRIBED_WITHIN,
+                on_answer=partial(told, name),
+                on_end=partial(self._soon, partial(ended, name)),
+            )
 
 
 def can(description: RobotDescription | None) -> frozenset[str]:
