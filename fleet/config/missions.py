@@ -14,6 +14,7 @@ from typing import Any
 import msgspec
 
 from fleet.config.explain import validated
+from fleet.config.inner_missions import InnerCheck
 from fleet.config.problems import InvalidConfig, Path
 from fleet.config.text import nearest
 from fleet.config.yaml import Document, read
@@ -39,48 +40,74 @@ LARGEST = 1 << 20  # bytes of a plan file
 class Mission(msgspec.Struct, frozen=True):
     """A mission that was checked.
 
-    ``data`` is what it says, with the content of its files; ``config`` has samples for inputs.
+    ``data`` is what it says, with the content of its files; ``config`` has samples for inputs. ``others`` are
+    the missions that may be carried out within it, by name.
     """
 
     name: str
     data: dict[str, Any]
     config: MissionConfig
+    others: Mapping[str, Mission] = {}
 
     def program(self, given: Mapping[str, Any]) -> Program:
         """Return the program for values of its inputs; raises Refused naming what is wrong with them."""
+        return compiled(self.name, self.filled(given), self._inner)
+
+    def _inner(self, name: str, given: Mapping[str, Any]) -> MissionConfig:
+        """Return another mission for values of its inputs; raises Refused."""
+        if name not in self.others:
+            raise Refused(
+                f"there is no mission {name!r}", hint=f"known are {', '.join(self.others) or 'none'}"
+            )
+        try:
+            return self.others[name].filled(given)
+        except Refused as error:
+            raise Refused(f"mission {name}: {error.reason}", hint=error.hint) from None
+
+    def filled(self, given: Mapping[str, Any]) -> MissionConfig:
+        """Return the mission with values in the place of its inputs; raises Refused."""
         values = _values(self.config.inputs, given)
         filled = normalised(self.data, values)
         try:
-            mission = MissionConfig.model_validate_json(json.dumps(filled), strict=True)
+            return MissionConfig.model_validate_json(json.dumps(filled), strict=True)
         except ValueError as error:
             first = str(error).splitlines()
             raise Refused(f"{self.name}: {' '.join(first[1:3])}") from None
-        return compiled(self.name, mission)
 
 
 class Known(msgspec.Struct, frozen=True):
-    """What a mission may name: robots and groups, places. None where the fleet is not known."""
+    """What a mission may name: robots and groups, places, missions. None where the fleet is not known."""
 
     names: Collection[str] | None = None
     places: Collection[str] | None = None
+    missions: Mapping[str, Mission] | None = None
 
 
 def read_mission(path: pathlib.Path, environ: Mapping[str, str], known: Known) -> Mission:
     """Return the mission of a file; raises InvalidConfig with every problem."""
     document = read(path, environ)
-    mission = checked_mission(path.stem, (), document, path.parent, known)
-    if mission is None or document.problems:
-        raise InvalidConfig(document.problems)
-    return mission
+    return _alone(checked_mission(path.stem, (), document, path.parent, known), document, known)
 
 
-def mission_of(name: str, data: Any) -> Mission:
-    """Return a mission that came over the bus, its files in it; raises InvalidConfig."""
+def mission_of(name: str, data: Any, missions: Mapping[str, Mission] | None = None) -> Mission:
+    """Return a mission that came over the bus, its files in it; raises InvalidConfig.
+
+    ``missions`` are those that may be carried out within it.
+    """
     document = read_data(data)
-    mission = checked_mission(name, (), document, None, Known())
+    known = Known(missions=missions)
+    return _alone(checked_mission(name, (), document, None, known), document, known)
+
+
+def _alone(mission: Mission | None, document: Document, known: Known) -> Mission:
+    """Return a mission that stands in a document of its own; raises InvalidConfig."""
+    if mission is not None:
+        others = known.missions or {}
+        named = None if known.missions is None else set(others)
+        _check_inner(mission, (), document, others, named)
     if mission is None or document.problems:
         raise InvalidConfig(document.problems)
-    return mission
+    return msgspec.structs.replace(mission, others=known.missions or {})
 
 
 def read_data(data: Any) -> Document:
@@ -106,13 +133,42 @@ def check_missions(
 ) -> list[Mission]:
     """Return the missions of a fleet file that can be used; the problems of all are reported."""
     listed = data.get("missions")
-    found = []
-    for name, mission in listed.items() if isinstance(listed, dict) else ():
+    found: dict[str, Mission] = {}
+    named = {name: mission for name, mission in listed.items() if mission} if isinstance(listed, dict) else {}
+    for name in named:
         at = ("missions", name)
         base = pathlib.Path(document.marks[at].file).parent if at in document.marks else folder
-        if mission is not None:
-            found.append(checked_mission(name, at, document, base, known))
-    return [mission for mission in found if mission is not None]
+        checked = checked_mission(name, at, document, base, known)
+        if checked is not None:
+            found[name] = msgspec.structs.replace(checked, others=found)
+    for name, mission in found.items():
+        _check_inner(mission, ("missions", name), document, found, set(named))
+    return list(found.values())
+
+
+def _check_inner(
+    mission: Mission, at: Path, document: Document, others: Mapping[str, Mission], named: set[str] | None
+) -> None:
+    """Report what is wrong with the missions that stand within one."""
+
+    def report(path: Path, message: str, hint: str) -> None:
+        _report_at(document, path, message, hint)
+
+    def given(path: Path) -> Any:
+        value = document.data
+        for step in path:
+            value = value.get(step) if isinstance(value, dict) else value[step]
+        return value
+
+    known = {name: each.config for name, each in others.items()}
+    InnerCheck(mission.name, mission.config, known, named, report).all(at, given)
+
+
+def _report_at(document: Document, path: Path, message: str, hint: str = "") -> None:
+    """Report a problem at the nearest place that the file has."""
+    while path and path not in document.marks:
+        path = path[:-1]
+    document.report(document.marks[path], message, hint)
 
 
 def checked_mission(
@@ -149,9 +205,7 @@ class _Check:
 
     def report(self, path: Path, message: str, hint: str = "") -> None:
         """Report a problem at the nearest place that the file has."""
-        while path and path not in self._document.marks:
-            path = path[:-1]
-        self._document.report(self._document.marks[path], message, hint)
+        _report_at(self._document, path, message, hint)
 
     def inputs(self, value: Any, at: Path) -> None:
         """Report inputs that are used and not declared."""
@@ -245,10 +299,6 @@ class _Check:
 
     def _act(self, act: ActConfig, role: str, where: Path) -> None:
         """Check what one role does."""
-        if act.verb == "mission":
-            self.report(
-                (*where, "mission"), "missions within missions are not carried out yet", "write its steps"
-            )
         if act.path is not None and not all(isinstance(each, list) for each in act.path):
             self.report((*where, "path"), "a path is not read from a file yet", "write [[x, y], [x, y]]")
         if isinstance(act.goto, str):

@@ -131,9 +131,9 @@ class Ending:
             return
         had_begun = {part.robot for part in self._robots.parts_of(begun.step)}
         for member in self._robots.ours():
-            acts = step.undo.get(member.role) or step.undo.get("all")
-            if acts and member.robot in had_begun:
-                self._robots.begin(begun.step, member.robot, acts[member.index % len(acts)], "undo", now)
+            act = self._robots.act_of(member, step.undo)
+            if act is not None and member.robot in had_begun:
+                self._robots.begin(begun.step, member.robot, act, "undo", now)
 
     def _leave_off(self, target: RunOutcome, reason: str, now: float) -> None:
         """End what the mission was doing."""

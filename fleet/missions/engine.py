@@ -194,7 +194,7 @@ class Engine:
     def _change(self) -> str:
         """Return what has changed since the pause; empty when nothing has."""
         for member in self.robots.within():
-            trouble = self.seen.lacks(member.robot, self.program.require)
+            trouble = self.seen.lacks(member.robot, self.steps.required())
             trouble = trouble or self.seen.moved(member.robot, member.paused_at)
             if trouble:
                 return f"{member.robot}: {trouble}"
@@ -219,7 +219,8 @@ class Engine:
         if what == "abort":
             self.ending.abort(f"{question.text} abort" + (f" by {by}" if by else ""), self._now)
         elif what == "fail":
-            self.ending.fail(f"{question.text} no answer", self._now)
+            self.steps.fail(f"{question.text} no answer")
+            self.steps.look()
         elif question.about == "resume":
             self._resume(Resume(by), confirmed=True)
         elif question.about == "robot":

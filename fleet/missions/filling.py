@@ -8,10 +8,12 @@ import msgspec
 
 from fleet.config.missions import Mission
 from fleet.errors import Refused
-from fleet.missions.program import Do, Program
+from fleet.missions.model import ALL, CountConfig, RoleConfig
+from fleet.missions.program import Do, Program, RoleNeed
 from fleet.missions.report import StartAsk
 from fleet.missions.roles import Candidate, filled, is_meant, runs_in_the_way
 from fleet.missions.run import Run
+from fleet.missions.state import Member
 
 
 class Filling:
@@ -25,7 +27,14 @@ class Filling:
         """Return who would fill the roles of a mission; raises Refused."""
         _require_rehearsal(mission)
         needs, free = needs_of(program), self._free(ask.run)
-        return filled(mission.config.roles, needs, free, program.require, ask.robots)
+        found = filled(mission.config.roles, needs, free, program.require, ask.robots)
+        for inner in program.inner.values():
+            carriers = roles_of(inner.carrier, found)
+            robots = {robot for role in carriers for robot in found[role]}
+            theirs = [each for each in free if each.name in robots]
+            wanted = {name: _config_of(need) for name, need in inner.roles.items()}
+            found |= filled(wanted, needs, theirs, inner.require, ask.robots)
+        return found
 
     def in_the_way(self, mission: Mission, program: Program, ask: StartAsk) -> list[str]:
         """Return the runs of the same mission, at its places, and with robots that it needs.
@@ -61,6 +70,34 @@ class Filling:
         return found
 
 
+def roles_of(role: str, roles: Iterable[str]) -> list[str]:
+    """Return the roles that a name stands for: itself, or with ``all`` those of its mission."""
+    scope, _, name = role.rpartition(".")
+    return [role] if name != ALL else [each for each in roles if each.rpartition(".")[0] == scope]
+
+
+def members_of(program: Program, roles: Mapping[str, Iterable[str]]) -> list[Member]:
+    """Return the robots of a run; ``roles`` are those of its mission and of the missions within it."""
+    plays: dict[str, dict[str, int]] = {}
+    for inner, mission in program.inner.items():
+        for role in mission.roles:
+            for at, robot in enumerate(roles[role]):
+                plays.setdefault(robot, {}).update({role: at, f"{inner}.{ALL}": at})
+    return [
+        Member(robot, role, at, plays.get(robot, {}))
+        for role in program.quorum
+        for at, robot in enumerate(roles[role])
+    ]
+
+
+def _config_of(need: RoleNeed) -> RoleConfig:
+    """Return who fills a role of a mission within the mission."""
+    count = CountConfig(min=need.least, max=need.most)
+    return RoleConfig.model_validate(
+        {"from": need.source, "kind": need.kind, "can": need.can, "count": count}
+    )
+
+
 def _require_rehearsal(mission: Mission) -> None:
     """Raise Refused for a mission that must be rehearsed."""
     if mission.config.rehearse == "required":
@@ -68,14 +105,23 @@ def _require_rehearsal(mission: Mission) -> None:
 
 
 def needs_of(program: Program) -> dict[str, frozenset[str]]:
-    """Return what the steps ask of each role: commands by name, goto, path and plan."""
+    """Return what the steps ask of each role: commands by name, goto, path and plan.
+
+    A role that carries a mission with one role needs what that needs; of one with several roles, what its
+    robots are good for is seen when these are filled from them.
+    """
     needs: dict[str, set[str]] = {role: set() for role in program.quorum}
+    needs |= {role: set() for inner in program.inner.values() for role in inner.roles}
     for step in program.steps:
         if not isinstance(step, Do):
             continue
         for acts in (step.acts, step.undo):
             for role, each in acts.items():
                 words = {str(act.value) if act.verb == "command" else act.verb for act in each}
-                for name in needs if role == "all" else (role,):
+                for name in roles_of(role, needs):
                     needs[name] |= words
+    for inner in reversed(program.inner.values()):
+        if len(inner.roles) == 1:
+            for name in roles_of(inner.carrier, needs):
+                needs[name] |= needs[next(iter(inner.roles))]
     return {role: frozenset(words) for role, words in needs.items()}

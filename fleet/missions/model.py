@@ -171,7 +171,9 @@ class ActConfig(_Words):
     """What one role does in a step: exactly one of command, goto, path, plan, mission."""
 
     command: str | None = Field(None, min_length=1, max_length=64, description="A command of the robot.")
-    with_: dict[str, Any] = Field({}, alias="with", description="The command's data.")
+    with_: dict[str, Any] = Field(
+        {}, alias="with", description="The data of a command, or the inputs of a mission."
+    )
     goto: str | list[float] | None = Field(
         None, description="A place by its name, or [x, y] or [x, y, z] in metres in the site's frame."
     )
@@ -181,7 +183,11 @@ class ActConfig(_Words):
     plan: str | list[str] | dict[str, Any] | None = Field(
         None, description="A plan file (.plan, or JSON) that the autopilot flies from its memory."
     )
-    mission: Name | None = Field(None, description="Another mission, as one step.")
+    mission: Name | None = Field(
+        None,
+        description="Another mission of fleet.yaml, as one step: its roles are filled from the robots of "
+        "this role. When it fails, they have failed in this step.",
+    )
     speed: float | None = Field(None, gt=0, le=100, description="Limit on the way, m/s.")
     timeout: Duration | None = Field(None, description="Over that of the step; progress extends it.")
     retry: int = Field(0, ge=0, le=5, description="Tries after the first, where that can do no harm.")
@@ -196,8 +202,10 @@ class ActConfig(_Words):
         said = [verb for verb in VERBS if getattr(self, verb) is not None]
         if len(said) != 1:
             raise wrong(said[1] if said else "", f"needs exactly one of {', '.join(VERBS)}")
-        if self.with_ and self.command is None:
-            raise wrong("with", "is the data of a command, and there is none")
+        if self.with_ and said[0] not in {"command", "mission"}:
+            raise wrong("with", "is the data of a command or the inputs of a mission, and there is none")
+        if self.timeout is not None and said[0] == "mission":
+            raise wrong("timeout", "a mission has a deadline of its own, and its steps have timeouts")
         if self.speed is not None and said[0] not in REPEATABLE:
             raise wrong("speed", "is said of goto and path")
         if self.retry and said[0] not in REPEATABLE:
@@ -254,6 +262,22 @@ class StepConfig(_Words):
                     raise wrong(key, "is said of a step with do")
         elif not self.do:
             raise wrong("do", "names no role")
+        return self
+
+    @property
+    def mission(self) -> tuple[str, ActConfig] | None:
+        """The role that carries a mission in this step, and what it says of it."""
+        return next(((role, act) for role, act in (self.do or {}).items() if act.mission), None)
+
+    @model_validator(mode="after")
+    def _mission_alone(self) -> Self:
+        if self.mission is None:
+            return self
+        if len(self.do or {}) > 1:
+            raise wrong("do", "a mission is alone in its step: give the other roles steps of their own")
+        for key in ("start", "undo", "timeout", "finish"):
+            if key in self.model_fields_set:
+                raise wrong(key, "is said of the steps of the mission that this step carries out")
         return self
 
 

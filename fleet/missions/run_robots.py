@@ -6,7 +6,7 @@ twice.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 
 from fleet.missions.program import Act
 from fleet.missions.state import Begin, Effect, Kind, Member, Note, Outcome, Part
@@ -40,7 +40,23 @@ class RunRobots:
     def within(self, roles: Iterable[str] | None = None) -> list[Member]:
         """Return the robots that still take part, of some roles or of all."""
         wanted = None if roles is None else set(roles)
-        return [each for each in self.members.values() if each.within and (not wanted or each.role in wanted)]
+        return [
+            each
+            for each in self.members.values()
+            if each.within and (not wanted or each.role in wanted or not wanted.isdisjoint(each.plays))
+        ]
+
+    def plays(self, robot: str, role: str) -> bool:
+        """Return whether a robot fills a role, also one of a mission within the mission."""
+        member = self.members[robot]
+        return role == member.role or role in member.plays
+
+    def act_of(self, member: Member, acts: Mapping[str, tuple[Act, ...]]) -> Act | None:
+        """Return what a robot does of what is said by role; None for nothing. A role comes before all."""
+        for role in (member.role, *member.plays, "all"):
+            if acts.get(role):
+                return acts[role][member.plays.get(role, member.index) % len(acts[role])]
+        return None
 
     def ours(self) -> list[Member]:
         """Return the robots that may be commanded."""

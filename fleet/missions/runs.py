@@ -19,7 +19,7 @@ from fleet.clock import Clock
 from fleet.config.missions import Mission
 from fleet.errors import Refused
 from fleet.missions.engine import Engine
-from fleet.missions.filling import Filling, needs_of
+from fleet.missions.filling import Filling, members_of, needs_of
 from fleet.missions.messages import Places
 from fleet.missions.program import Program
 from fleet.missions.report import ControlAsk, RunState, StartAsk, state_of
@@ -31,7 +31,6 @@ from fleet.missions.state import (
     Event,
     Heard,
     Left,
-    Member,
     Outcome,
     Pause,
     Restarted,
@@ -139,8 +138,7 @@ class Runs:
             ask.source_type,
             dict(ask.inputs),
         )
-        members = [Member(robot, role, at) for role, names in roles.items() for at, robot in enumerate(names)]
-        made = Run(about, Engine(run, program, members), self)
+        made = Run(about, Engine(run, program, members_of(program, roles)), self)
         self._join(made, partial(self._joined, made, roles, began))
 
     def _require_authority(

@@ -83,12 +83,14 @@ class Member(msgspec.Struct):
     """One robot of a run. ``ours``: the run may command it. ``within``: it still takes part.
 
     A robot that failed is no longer within, but ours: it is held, and undone. One that was taken, stopped or
-    lost is not ours, and is never commanded again.
+    lost is not ours, and is never commanded again. ``index`` is its place among the robots of its role,
+    ``plays`` that in each role of a mission within the mission, the role before ``all``.
     """
 
     robot: str
     role: str
     index: int
+    plays: dict[str, int] = {}
     ours: bool = True
     within: bool = True
     outcome: Outcome | None = None
@@ -137,12 +139,16 @@ class Begun(msgspec.Struct, frozen=True):
 
 
 class Head(msgspec.Struct):
-    """Where a run is. ``at`` is the index of its instruction, ``loops`` counts rounds by index."""
+    """Where a run is. ``at`` is the index of its instruction, ``loops`` counts rounds by index.
+
+    ``entered`` has, by index, when each mission within it began that is under way.
+    """
 
     phase: Phase = Phase.NEW
     at: int = 0
     serial: int = 0  # of the step that is under way: a step that is repeated begins anew
     loops: dict[str, int] = {}
+    entered: dict[str, float] = {}
     until: float = 0.0  # of a wait
     question: Question | None = None
     questions: int = 0

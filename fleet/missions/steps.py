@@ -7,7 +7,20 @@ from typing import Literal
 
 from fleet.missions.ending import Ending
 from fleet.missions.facts import Seen
-from fleet.missions.program import Act, Again, Ask, Do, Instruction, Loop, Program, Wait, WaitFor
+from fleet.missions.program import (
+    Act,
+    Again,
+    Ask,
+    Do,
+    Enter,
+    Instruction,
+    Leave,
+    Loop,
+    Program,
+    Require,
+    Wait,
+    WaitFor,
+)
 from fleet.missions.run_robots import RunRobots
 from fleet.missions.state import (
     GOING_ON,
@@ -46,7 +59,10 @@ class Steps:
             Ask: self._ask_step,
             Loop: self._loop,
             Again: self._again,
+            Enter: self._enter,
+            Leave: self._leave,
         }
+        self._inner = [(at, step) for at, step in enumerate(program.steps) if isinstance(step, Enter)]
 
     @property
     def name(self) -> str:
@@ -75,7 +91,7 @@ class Steps:
                 step.only_if, self._of(step.only_if.role), 0.0
             ):
                 self.robots.note("skipped", step=self.name)
-                self.head.at = step.end if isinstance(step, Loop) else self.head.at + 1
+                self.head.at = step.end if isinstance(step, Loop | Enter) else self.head.at + 1
             elif self._begin[type(step)](step):
                 return
         self.ending.fail("its steps lead nowhere", self.now)
@@ -94,7 +110,7 @@ class Steps:
         if self.head.phase is not Phase.PREPARING or robot not in self._unprepared:
             return
         if refusal:
-            self.ending.fail(f"step {self.name}: {robot} cannot: {refusal}; nobody moved", self.now)
+            self.fail(f"step {self.name}: {robot} cannot: {refusal}; nobody moved")
             return
         self._unprepared.discard(robot)
         step = self.instruction()
@@ -103,12 +119,11 @@ class Steps:
 
     def time_passes(self) -> None:
         """End a wait whose time is over, or whose condition holds; and a preparation that takes too long."""
+        self._end_late_missions()
         late = self.now >= self.head.until
         if self.head.phase is Phase.PREPARING and late:
             missing = ", ".join(sorted(self._unprepared))
-            self.ending.fail(
-                f"step {self.name}: {missing} did not say whether it can; nobody moved", self.now
-            )
+            self.fail(f"step {self.name}: {missing} did not say whether it can; nobody moved")
         if self.head.phase is not Phase.WAITING:
             return
         step = self.instruction()
@@ -119,7 +134,7 @@ class Steps:
                 self.next()
                 return
         if late and waits_for is not None and waits_for.fails:
-            self.ending.fail(f"step {self.name}: what it waited for did not come", self.now)
+            self.fail(f"step {self.name}: what it waited for did not come")
         elif late:
             self.next()
 
@@ -133,27 +148,31 @@ class Steps:
             return
         step = self.instruction()
         doing = step if isinstance(step, Do) else None
-        if doing is None or doing.failed_do == "hold":
-            self.robots.halt(self.name, robot, self.now)
+        self._make_safe(robot, doing.failed_do if doing is not None else "hold")
+        self._follow_loss(
+            f"{robot}: {outcome}: {reason}", doing.failed_then if doing is not None else "continue"
+        )
+
+    def fail(self, reason: str) -> None:
+        """End the mission that is under way as failed: the innermost, or the run itself."""
+        inner = self._under_way()
+        if inner:
+            self._fail_mission(*inner[-1], reason)
         else:
-            self.robots.begin(self.name, robot, Act("command", doing.failed_do), "secure", self.now)
-        then = doing.failed_then if doing is not None else "continue"
-        shortage = self.robots.shortage(self.program.quorum)
-        why = f"{robot}: {outcome}: {reason}"
-        if shortage or then == "fail":
-            self.ending.fail(f"{why}; {shortage}" if shortage else why, self.now)
-        elif then == "wait" and self.head.phase is Phase.STEP:
-            self.head.phase = Phase.ASKING
-            self.ask(f"{why}. Go on without it?", "robot")
+            self.ending.fail(reason, self.now)
 
     def look(self) -> None:
         """See whether the step that robots carry out is over."""
         step = self.instruction()
-        if self.head.phase is not Phase.STEP or not isinstance(step, Do):
+        if self.head.phase is not Phase.STEP or not isinstance(step, Do | Leave):
+            return
+        if isinstance(step, Leave):  # of a mission within that failed: its robots are made safe first
+            if not self.robots.active("halt", "secure"):
+                self.next()
             return
         parts = self.robots.parts_of(self.name)
         active = [part for part in parts if part.inflight]
-        through = _is_through(step, parts)
+        through = self._is_through(step, parts)
         for part in active if through else ():
             if not self.robots.comes_down(part.robot):
                 self.robots.end(part, Outcome.SKIPPED, "ended with the step", self.now)
@@ -163,7 +182,7 @@ class Steps:
         if through or not parts or step.finish == "all":
             self.next()
         else:
-            self.ending.fail(f"step {self.name}: nobody that it depends on was through", self.now)
+            self.fail(f"step {self.name}: nobody that it depends on was through")
 
     # -- the kinds of instructions: each returns whether it has to be waited for -----------------------
 
@@ -214,10 +233,10 @@ class Steps:
         """Begin a step that robots carry out, when all that must be so is so."""
         self.head.phase = Phase.STEP
         for robot, _ in self._acts(step):
-            lacking = self.seen.lacks(robot, self.program.require)
+            lacking = self.seen.lacks(robot, self.required())
             if lacking:
                 self.lose(robot, Outcome.REFUSED, lacking)
-            if self.head.phase is not Phase.STEP:
+            if self.head.phase is not Phase.STEP or self.instruction() is not step:
                 return True
         acts = self._acts(step)
         if not step.together or not acts:
@@ -238,23 +257,110 @@ class Steps:
 
     def _acts(self, step: Do) -> list[tuple[str, Act]]:
         """Return what each robot that still takes part does."""
-        return [
-            (each.robot, acts[each.index % len(acts)])
-            for each in self.robots.within()
-            if (acts := step.acts.get(each.role) or step.acts.get("all"))
-        ]
+        acts = ((each.robot, self.robots.act_of(each, step.acts)) for each in self.robots.within())
+        return [(robot, act) for robot, act in acts if act is not None]
+
+    def required(self) -> Require:
+        """Return what the step that is under way requires of its robots."""
+        step = self.instruction()
+        return (isinstance(step, Do) and step.require) or self.program.require
 
     def _of(self, role: str) -> list[str]:
         """Return the robots of a role that still take part."""
         return [each.robot for each in self.robots.within(None if role == "all" else [role])]
 
+    def _is_through(self, step: Do, parts: list[Part]) -> bool:
+        """Return whether those that the step depends on are through, so that the others are ended."""
+        if step.finish == "all":
+            return False
+        done = [part for part in parts if part.outcome is Outcome.DONE]
+        if step.finish == "any":
+            return bool(done)
+        waits = any(part.inflight and self.robots.plays(part.robot, step.finish) for part in parts)
+        return not waits and any(self.robots.plays(part.robot, step.finish) for part in done)
 
-def _is_through(step: Do, parts: list[Part]) -> bool:
-    """Return whether those that the step depends on are through, so that the others are ended."""
-    if step.finish == "all":
+    # -- missions within the mission -------------------------------------------------------------------
+
+    def _enter(self, step: Enter) -> bool:
+        """Begin a mission within the mission, unless it has too few robots by now."""
+        self.robots.note(f"mission {step.mission} begins", step=step.id)
+        self.head.entered[str(self.head.at)] = self.now
+        self.head.at += 1
+        self.head.phase = Phase.STEP
+        shortage = self.robots.shortage(step.quorum)
+        if shortage:
+            self.fail(shortage)
+        return bool(shortage)
+
+    def _leave(self, step: Leave) -> bool:
+        """End a mission within the mission that came to its end."""
+        if self.head.entered.pop(str(step.enter), None) is not None:
+            self.robots.note(f"mission {self._mission_at(step.enter)} completed", step=step.id)
+        self.head.at += 1
         return False
-    done = [part for part in parts if part.outcome is Outcome.DONE]
-    if step.finish == "any":
-        return bool(done)
-    waits = any(part.inflight for part in parts if part.role == step.finish)
-    return not waits and any(part.role == step.finish for part in done)
+
+    def _mission_at(self, at: int) -> str:
+        """Return the name of the mission that begins at an index."""
+        return next(step.mission for index, step in self._inner if index == at)
+
+    def _under_way(self) -> list[tuple[int, Enter]]:
+        """Return the missions within the mission that are under way, the outermost first."""
+        return [(at, step) for at, step in self._inner if at < self.head.at < step.end - 1]
+
+    def _end_late_missions(self) -> None:
+        """End a mission within the mission whose deadline is over; not while a person has the run."""
+        question = self.head.question
+        held = question is not None and question.about in ("restart", "resume")
+        if self.head.phase is Phase.PAUSED or held or self.head.phase not in GOING_ON:
+            return
+        for at, step in self._under_way():
+            began = self.head.entered.get(str(at), self.now)
+            if step.deadline is not None and self.now - began >= step.deadline:
+                self._fail_mission(at, step, f"its deadline of {step.deadline:g} s is over")
+                return
+
+    def _fail_mission(self, at: int, inner: Enter, reason: str) -> None:
+        """End a mission within the mission: its robots have failed in the step that carries it."""
+        why = f"mission {inner.mission} failed: {reason}"
+        self.robots.note(why, step=inner.id)
+        for index, _ in self._under_way():
+            if index >= at:
+                self.head.entered.pop(str(index), None)
+        question = self.head.question
+        self.head.at = inner.end - 1
+        self.head.serial += 1
+        if question is None or question.about not in ("restart", "resume"):
+            self.head.question = None
+        if self.head.phase is Phase.PAUSED:
+            self.head.paused_from = Phase.STEP
+        elif self.head.question is None:
+            self.head.phase = Phase.STEP
+        for member in self.robots.within([inner.role]):
+            self.robots.lose(member.robot, Outcome.FAILED, why, self.now)
+            self._make_safe(member.robot, inner.failed_do)
+        self._follow_loss(why, inner.failed_then)
+        self.look()
+
+    def _make_safe(self, robot: str, how: str) -> None:
+        """Bring a robot that is out to a standstill, or let it do what the step says instead."""
+        if how == "hold":
+            self.robots.halt(self.name, robot, self.now)
+        else:
+            self.robots.begin(self.name, robot, Act("command", how), "secure", self.now)
+
+    def _follow_loss(self, why: str, then: Literal["continue", "wait", "fail"]) -> None:
+        """See whether the run, and each mission within it that is under way, can go on without a robot."""
+        shortage = self.robots.shortage(self.program.quorum)
+        if shortage:
+            self.ending.fail(f"{why}; {shortage}", self.now)
+            return
+        for at, step in self._under_way():
+            shortage = self.robots.shortage(step.quorum)
+            if shortage:
+                self._fail_mission(at, step, f"{why}; {shortage}")
+                return
+        if then == "fail":
+            self.fail(why)
+        elif then == "wait" and self.head.phase is Phase.STEP:
+            self.head.phase = Phase.ASKING
+            self.ask(f"{why}. Go on without it?", "robot")

@@ -292,7 +292,7 @@ class Missions:
     def _mission(self, name: str, ask: StartAsk) -> Mission:
         """Return the mission that is meant; raises Refused, InvalidConfig."""
         if ask.mission is not None:
-            return mission_of(name, ask.mission)
+            return mission_of(name, ask.mission, self._missions)
         mission = self._missions.get(name)
         if mission is None:
             known = ", ".join(self._missions) or "none"

@@ -4,6 +4,7 @@ from hypothesis import settings
 from fleet.missions.engine import Engine
 from fleet.missions.program import Act, Do, Program
 from fleet.missions.state import Begin, Ended, Facts, Member, Outcome, Prepare, Replied, Start, Tick
+from tests.fleet.missions.yard import Yard
 
 SOAK = 10_000
 """Lives of a run that are played with ``--soak``."""
@@ -13,12 +14,15 @@ ROLES = {"kestrel": "eye", "beast": "feet", "rover": "feet"}
 class Play:
     """A run that is played event by event; time is moved by hand."""
 
-    def __init__(self, *steps, robots=ROLES, **options):
+    def __init__(self, *steps, robots=ROLES, plays=None, **options):
         self.now = 0.0
         self.effects = []
         quorum = options.pop("quorum", {"eye": 1, "feet": 1})
         self.program = Program("patrol", steps, quorum, **options)
-        members = [Member(robot, role, at) for at, (robot, role) in enumerate(robots.items())]
+        members = [
+            Member(robot, role, at, (plays or {}).get(robot, {}))
+            for at, (robot, role) in enumerate(robots.items())
+        ]
         self.engine = Engine("run", self.program, members)
         for robot in robots:
             self.take(Facts(robot, "ok", 80.0, (0.0, 0.0, 0.0)))
@@ -77,6 +81,13 @@ def do(step="go", *, undo=None, **options):
 @pytest.fixture
 def play():
     return Play
+
+
+@pytest.fixture
+def yard(tmp_path):
+    made = Yard(tmp_path)
+    yield made
+    made.store.close()
 
 
 def pytest_collection_modifyitems(config, items):

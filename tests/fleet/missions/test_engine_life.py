@@ -6,7 +6,20 @@ from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, initialize, precondition, rule
 
 from fleet.missions.engine import Engine
-from fleet.missions.program import Act, Again, Ask, Condition, Do, Loop, Program, Require, Wait, WaitFor
+from fleet.missions.program import (
+    Act,
+    Again,
+    Ask,
+    Condition,
+    Do,
+    Enter,
+    Leave,
+    Loop,
+    Program,
+    Require,
+    Wait,
+    WaitFor,
+)
 from fleet.missions.state import (
     NEXT,
     Abort,
@@ -52,9 +65,15 @@ ACTS = st.builds(
     timeout=st.sampled_from([5.0, 60.0]),
     retry=st.integers(0, 2),
 )
-BY_ROLE = st.dictionaries(
-    st.sampled_from(["eye", "feet", "all"]), ACTS.map(lambda act: (act,)), min_size=1, max_size=2
-)
+PLAYS = {"kestrel": {"in.up": 0, "in.all": 0}, "beast": {"in.down": 0, "in.all": 0}}
+"""Roles of the mission within the mission; the rover does not take part in it."""
+
+
+def by_role(*roles):
+    return st.dictionaries(st.sampled_from(roles), ACTS.map(lambda act: (act,)), min_size=1, max_size=2)
+
+
+BY_ROLE = by_role("eye", "feet", "all")
 DOS = st.builds(
     Do,
     id=st.just("do"),
@@ -86,6 +105,35 @@ OTHERS = st.one_of(
 
 
 @st.composite
+def inner_missions(draw, begin):
+    """Draw a mission within the mission, whose first instruction has the index ``begin``."""
+    acts = by_role("in.up", "in.down", "in.all")
+    dos = st.builds(
+        Do,
+        id=st.just("in.do"),
+        acts=acts,
+        finish=st.sampled_from(["all", "any", "in.up"]),
+        together=st.booleans(),
+        failed_then=st.sampled_from(["continue", "wait", "fail"]),
+        undo=st.one_of(st.just({}), acts),
+        require=st.sampled_from([None, Require(battery_min=20)]),
+    )
+    inner = draw(st.lists(st.one_of(dos, dos, OTHERS), min_size=1, max_size=3))
+    enter = Enter(
+        "in",
+        "inner",
+        "in.all",
+        begin + len(inner) + 2,
+        draw(st.sampled_from([{"in.up": 1}, {"in.up": 1, "in.down": 1}, {"in.down": 0}])),
+        draw(st.sampled_from([None, 50.0])),
+        failed_do=draw(st.sampled_from(["hold", "land"])),
+        failed_then=draw(st.sampled_from(["continue", "wait", "fail"])),
+        only_if=draw(CONDITIONS),
+    )
+    return [enter, *inner, Leave(begin, "in")]
+
+
+@st.composite
 def programs(draw):
     steps = draw(st.lists(st.one_of(DOS, DOS, OTHERS), min_size=1, max_size=4))
     if draw(st.booleans()):
@@ -93,6 +141,8 @@ def programs(draw):
         until = draw(CONDITIONS)
         begin = len(steps)
         steps += [Loop("again", draw(st.integers(1, 3)), begin + len(inner) + 2, until), *inner, Again(begin)]
+    if draw(st.booleans()):
+        steps += draw(inner_missions(begin=len(steps)))
     return Program(
         "mission",
         tuple(steps),
@@ -118,7 +168,9 @@ class Life(RuleBasedStateMachine):
         self.ended = []
         self.waiting = {}
         self.preparing = {}
-        members = [Member(robot, role, at) for at, (robot, role) in enumerate(ROBOTS.items())]
+        members = [
+            Member(robot, role, at, PLAYS.get(robot, {})) for at, (robot, role) in enumerate(ROBOTS.items())
+        ]
         self.recorded = {member.robot: msgspec.json.encode(member) for member in members}
         self.parts = {}
         self.engine = Engine("run", program, members)

@@ -27,7 +27,7 @@ from fleet.missions.state import (
 )
 from tests.fleet.missions.conftest import do
 
-DOCS = Path(__file__).parents[3] / "docs" / "missions.md"
+DOCS = Path(__file__).parents[3] / "docs" / "how-to" / "missions.md"
 LAND = {"all": (Act("command", "land", timeout=60.0),)}
 EVERYBODY = ("kestrel", "beast", "rover")
 
