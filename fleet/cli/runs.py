@@ -37,6 +37,8 @@ def state_line(state: RunState) -> str:
     words = [state.run, state.mission, state.outcome or state.phase]
     if not state.outcome:
         words.append(f"step {state.step}, {state.seconds:.0f} s")
+    if state.waits_for:
+        words.append(f"waits for {state.waits_for}")
     if state.reason:
         words.append(f"({state.reason})")
     if state.question is not None:
@@ -80,6 +82,8 @@ def follow(out: Output, edges: Edges, run: str) -> ExitCode:
 def _tell(out: Output, state: RunState, shown: set[str]) -> None:
     """Show what is new."""
     lines = [f"step {state.step}: {state.phase}"] if not state.outcome else []
+    if state.waits_for:
+        lines.append(f"waits for {state.waits_for}")
     if state.question is not None:
         lines.append(f"asks: {state.question.text}  fleet mission answer continue|abort {state.run}")
     lines += [f"step {state.step}: {line}" for line in robot_lines(state) if not line.endswith("waits")]

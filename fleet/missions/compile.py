@@ -59,6 +59,7 @@ def compiled(name: str, mission: MissionConfig, inner: InnerMission) -> Program:
         quorum=_quorum_of(mission),
         require=require,
         occupies=tuple(sorted(compiler.occupies)),
+        occupy_within=mission.occupy_within,
         deadline=mission.deadline,
         on_failure=mission.on_failure,
         on_abort=mission.on_abort,

@@ -24,6 +24,8 @@ from fleet.missions.state import (
     Hold,
     Left,
     Member,
+    Occupied,
+    Occupy,
     Outcome,
     Part,
     Pause,
@@ -68,6 +70,7 @@ class Engine:
             Tick: self._tick,
             Replied: self._replied,
             Prepared: lambda event: self.steps.prepared(event.robot, event.refusal),
+            Occupied: self._occupied,
             Facts: self._facts,
             Heard: lambda event: self.seen.heard(event.robot, event.event, self._now),
             Left: self._left,
@@ -102,8 +105,23 @@ class Engine:
         return list(touched.values())
 
     def _start(self, _event: Start) -> None:
-        """Begin with the first step."""
-        if self.head.phase is Phase.NEW:
+        """Begin with the first step, once its places are the run's own."""
+        if self.head.phase is Phase.NEW and self.program.occupies:
+            self.steps.occupy()
+        elif self.head.phase is Phase.NEW:
+            self.steps.go_on()
+
+    def _occupied(self, event: Occupied) -> None:
+        """Begin, or note what the run waits for, or that it waited in vain."""
+        if self.head.phase is not Phase.OCCUPYING:
+            return
+        if event.late:
+            self.ending.fail(event.late, self._now)
+        elif event.waits_for:
+            self.head.waits_for = event.waits_for
+            self.robots.note(f"waits for {event.waits_for}")
+        else:
+            self.head.waits_for = ""
             self.steps.go_on()
 
     def _facts(self, event: Facts) -> None:
@@ -187,8 +205,7 @@ class Engine:
             self.robots.touched[part.identity] = part
         self.robots.note(f"resumed by {event.by or 'somebody'}", step=self.steps.name)
         self._hold(resumes=True)
-        if head.phase in (Phase.NEW, Phase.PREPARING):
-            self.steps.go_on()
+        self._go_on_between()
         self.steps.look()
 
     def _change(self) -> str:
@@ -275,7 +292,7 @@ class Engine:
         elif within:
             self._ask_where_to_go_on()
         elif policy == "continue":
-            self._take_up()
+            self._go_on_between()
         elif self.head.question is None:
             self._pause_after_restart()
 
@@ -293,7 +310,9 @@ class Engine:
             self.head.phase = Phase.PAUSED
         self.steps.ask(f"The edge restarted before step {self.steps.name} was over. Go on?", "resume")
 
-    def _take_up(self) -> None:
-        """Go on between two steps."""
-        if self.head.phase in (Phase.NEW, Phase.PREPARING):
+    def _go_on_between(self) -> None:
+        """Go on between two steps, or before the first."""
+        if self.head.phase is Phase.OCCUPYING:
+            self.robots.effects.append(Occupy())
+        elif self.head.phase in (Phase.NEW, Phase.PREPARING):
             self.steps.go_on()

@@ -17,11 +17,20 @@ from fleet.missions.state import Member
 
 
 class Filling:
-    """Fills roles from the robots of an edge. ``runs``: those under way, and those that are beginning."""
+    """Fills roles from the robots of an edge. ``runs``: those under way, and those that are beginning.
 
-    def __init__(self, candidates: Callable[[], list[Candidate]], runs: Callable[[], Iterable[Run]]) -> None:
+    ``is_full`` says whether a place is taken up to its capacity.
+    """
+
+    def __init__(
+        self,
+        candidates: Callable[[], list[Candidate]],
+        runs: Callable[[], Iterable[Run]],
+        is_full: Callable[[str], bool],
+    ) -> None:
         self._candidates = candidates
         self._runs = runs
+        self._is_full = is_full
 
     def fill(self, mission: Mission, program: Program, ask: StartAsk) -> dict[str, list[str]]:
         """Return who would fill the roles of a mission; raises Refused."""
@@ -46,7 +55,7 @@ class Filling:
         found = runs_in_the_way(mission.config.roles, needs, free, program.require, ask.robots)
         for run in self._runs():
             places = set(program.occupies) & set(run.engine.program.occupies)
-            if places or run.about.mission == program.mission:
+            if any(map(self._is_full, places)) or run.about.mission == program.mission:
                 found.add(run.id)
         return sorted(found - {ask.run})
 

@@ -289,7 +289,12 @@ class MissionConfig(Model):
     inputs: dict[Name, InputConfig] = Field({}, description="Values that are given at the start.")
     roles: dict[Name, RoleConfig] = Field(min_length=1, description="The parts, filled by robots.")
     require: RequireConfig = Field(RequireConfig(), description="What every robot must have.")
-    occupies: tuple[Name, ...] = Field((), description="Places that no other run may have meanwhile.")
+    occupies: tuple[Name, ...] = Field(
+        (), description="Places that it has until its end, each up to its capacity."
+    )
+    occupy_within: Duration = Field(
+        600.0, description="How long the run waits for these places before it begins; then it fails."
+    )
     quorum: dict[Name, int] = Field(
         {}, description="Robots that each role must keep. Left out: the least of its count."
     )

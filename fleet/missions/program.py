@@ -174,6 +174,7 @@ class Program(msgspec.Struct, frozen=True, omit_defaults=True):
     quorum: dict[str, int]
     require: Require = Require()
     occupies: tuple[str, ...] = ()
+    occupy_within: float = 600.0
     deadline: float | None = None
     on_failure: Literal["hold", "undo", "stop"] = "hold"
     on_abort: str = "hold"

@@ -76,7 +76,8 @@ class AskedNow(msgspec.Struct, frozen=True, omit_defaults=True):
 class RunState(msgspec.Struct, frozen=True, omit_defaults=True):
     """One run, now. ``started`` is Unix seconds, ``seconds`` how long it has run.
 
-    ``by`` is who started it, ``way`` how he asked: a schedule is the edge's own (``mission``).
+    ``by`` is who started it, ``way`` how he asked: a schedule is the edge's own (``mission``). ``waits_for``
+    is the place that it waits for before it begins, and who has that.
     """
 
     run: str
@@ -94,6 +95,7 @@ class RunState(msgspec.Struct, frozen=True, omit_defaults=True):
     robots: tuple[RunRobot, ...] = ()
     problem: str = ""
     way: str = "bus"
+    waits_for: str = ""
 
 
 class MissionState(msgspec.Struct, frozen=True, omit_defaults=True):
@@ -130,6 +132,7 @@ def state_of(engine: Engine, about: About, edge: str, seconds: float, problem: s
         tuple(_bus_session(member, doing.get(member.robot, "")) for member in engine.robots.members.values()),
         problem,
         about.way,
+        head.waits_for,
     )
 
 

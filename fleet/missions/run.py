@@ -26,6 +26,7 @@ from fleet.missions.state import (
     Hold,
     Left,
     Note,
+    Occupy,
     Outcome,
     Part,
     Prepare,
@@ -78,6 +79,12 @@ class Surroundings(Protocol):
 
     def changed(self, run: Run) -> None:
         """Take note that a run's state has changed."""
+
+    def occupy(self, run: Run) -> None:
+        """Take the places of a run, or let it wait for them; tells it."""
+
+    def give_back(self, run: Run) -> None:
+        """Take back the places of a run."""
 
 
 class Run:
@@ -187,8 +194,11 @@ class Run:
                 self._ask(part.robot, "navigate", {"command": "resume" if resumes else "pause"}, "")
             case EmergencyStop(robots, reason):
                 self._around.stop(robots, f"run {self.id}: {reason}")
+            case Occupy():
+                self._around.occupy(self)
             case Ended():
                 self._give_back()
+                self._around.give_back(self)
             case _:
                 pass
 

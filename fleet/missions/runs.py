@@ -25,6 +25,7 @@ from fleet.missions.program import Program
 from fleet.missions.report import ControlAsk, RunState, StartAsk, state_of
 from fleet.missions.roles import Candidate
 from fleet.missions.run import Robot, Run
+from fleet.missions.run_places import RunPlaces
 from fleet.missions.state import (
     Abort,
     Answer,
@@ -65,6 +66,7 @@ class Runs:
         candidates: Callable[[], list[Candidate]],
         allowed: Allowed,
         places: Places,
+        capacities: Mapping[str, int],
         store: Store,
         clock: Clock,
         soon: Callable[[Callable[[], None]], None],
@@ -78,10 +80,13 @@ class Runs:
         self.clock = clock
         self.soon = soon
         self.stop = stop
-        self.filling = Filling(candidates, self.all)
         self._allowed = allowed
         self._told = told
         self._runs: dict[str, Run] = {}
+        self._places = RunPlaces(capacities, self._runs.get, clock)
+        self.occupy = self._places.occupy
+        self.give_back = self._places.give_back
+        self.filling = Filling(candidates, self.all, self._places.is_full)
         self._pending: dict[str, _Pending] = {}
 
     # -- what the runs themselves ask ------------------------------------------------------------------
@@ -122,7 +127,7 @@ class Runs:
             began("", {}, self.store.problem or full)
             return
         try:
-            self._require_places(program)
+            self._places.require(program)
             roles = self.filling.fill(mission, program, ask)
             self._require_authority(program, roles, Origin(way, ask.source_type, ask.session_id))
         except Refused as error:
@@ -152,13 +157,6 @@ class Runs:
                 refusal = self._allowed(robot, origin, True, leads)
                 if refusal:
                     raise Refused(f"{robot}: {refusal}")
-
-    def _require_places(self, program: Program) -> None:
-        """Raise Refused while another run occupies a place that a mission wants."""
-        for other in self._runs.values():
-            both = set(program.occupies) & set(other.engine.program.occupies)
-            if both:
-                raise Refused(f"run {other.id} of {other.about.mission} occupies {', '.join(sorted(both))}")
 
     def _join(self, run: Run, done: Callable[[dict[str, str]], None]) -> None:
         """Have every robot of a run that is ours join it; ``done`` hears who did not, and why."""
@@ -193,10 +191,6 @@ class Runs:
     ) -> None:
         """Begin a run whose robots have joined it; else give back those that have."""
         refusal = "; ".join(f"{robot}: {why}" for robot, why in refused.items())
-        try:
-            self._require_places(run.engine.program)  # another run may have begun meanwhile
-        except Refused as error:
-            refusal = refusal or str(error)
         if refusal:
             for member in run.engine.robots.ours():
                 if member.robot not in refused:
@@ -214,6 +208,7 @@ class Runs:
         """Look at all runs; again and again, on the loop."""
         for run in list(self._pending):
             self._look_at(run)
+        self._places.turn()
         for each in list(self._runs.values()):
             try:
                 each.turn()
@@ -259,7 +254,9 @@ class Runs:
 
     def take_up(self) -> None:
         """Take up the runs that an earlier process did not see to their end; their robots may be away yet."""
-        for kept in self.store.unfinished():
+        found = self.store.unfinished()
+        self._places.take_up(found)
+        for kept in found:
             self._take_up(kept, self.clock.monotonic() + BACK_WITHIN)
 
     def _take_up(self, kept: Kept, until: float) -> None:

@@ -46,6 +46,7 @@ class Phase(enum.StrEnum):
     """Where a run is in its life."""
 
     NEW = "new"  # recorded, nothing begun
+    OCCUPYING = "occupying"  # it waits for its places; nothing is begun
     PREPARING = "preparing"  # robots are asked whether they could; nobody moves
     STEP = "step"  # robots do something
     WAITING = "waiting"  # a time or a condition
@@ -60,6 +61,7 @@ class Phase(enum.StrEnum):
 NEXT: Mapping[Phase, frozenset[Phase]] = MappingProxyType(
     {
         Phase.NEW: frozenset(Phase) - {Phase.NEW},
+        Phase.OCCUPYING: frozenset(Phase) - {Phase.NEW},
         Phase.PREPARING: frozenset(Phase) - {Phase.NEW},
         Phase.STEP: frozenset(Phase) - {Phase.NEW},
         Phase.WAITING: frozenset(Phase) - {Phase.NEW},
@@ -73,7 +75,17 @@ NEXT: Mapping[Phase, frozenset[Phase]] = MappingProxyType(
 )
 """What may follow each phase: from the ending nothing leads back, and nothing follows the end."""
 
-GOING_ON = frozenset({Phase.NEW, Phase.PREPARING, Phase.STEP, Phase.WAITING, Phase.ASKING, Phase.PAUSED})
+GOING_ON = frozenset(
+    {
+        Phase.NEW,
+        Phase.OCCUPYING,
+        Phase.PREPARING,
+        Phase.STEP,
+        Phase.WAITING,
+        Phase.ASKING,
+        Phase.PAUSED,
+    }
+)
 """The phases in which the mission itself is still carried out."""
 
 Kind = Literal["do", "halt", "secure", "undo", "abort"]
@@ -150,6 +162,7 @@ class Head(msgspec.Struct):
     loops: dict[str, int] = {}
     entered: dict[str, float] = {}
     until: float = 0.0  # of a wait
+    waits_for: str = ""  # the place that it waits for, and who has it
     question: Question | None = None
     questions: int = 0
     paused_from: Phase = Phase.NEW
@@ -195,6 +208,13 @@ class Prepared(msgspec.Struct, frozen=True):
 
     robot: str
     refusal: str = ""
+
+
+class Occupied(msgspec.Struct, frozen=True):
+    """Its places are its own; or which it waits for (``waits_for``), or why it gets none (``late``)."""
+
+    waits_for: str = ""
+    late: str = ""
 
 
 class Facts(msgspec.Struct, frozen=True):
@@ -261,6 +281,7 @@ Event = (
     | Tick
     | Replied
     | Prepared
+    | Occupied
     | Facts
     | Heard
     | Left
@@ -279,6 +300,10 @@ class Begin(msgspec.Struct, frozen=True):
     """Command a robot, once the part is recorded."""
 
     part: Part
+
+
+class Occupy(msgspec.Struct, frozen=True):
+    """Take the places of the run, or wait for them."""
 
 
 class Prepare(msgspec.Struct, frozen=True):
@@ -317,4 +342,4 @@ class Ended(msgspec.Struct, frozen=True):
     reason: str
 
 
-Effect = Begin | Prepare | Hold | EmergencyStop | Note | Ended
+Effect = Begin | Occupy | Prepare | Hold | EmergencyStop | Note | Ended

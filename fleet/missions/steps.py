@@ -26,6 +26,7 @@ from fleet.missions.state import (
     GOING_ON,
     Begun,
     Head,
+    Occupy,
     Outcome,
     Part,
     Phase,
@@ -35,6 +36,7 @@ from fleet.missions.state import (
     step_name,
 )
 
+TOLD_WITHIN = 5.0  # s after its time in which a run is told that its places were not free
 PREPARED_WITHIN = 10.0  # s for all robots to say whether they could
 ANSWERED_WITHIN = 600.0  # s for questions that the engine itself asks
 BOUND = 10_000  # instructions without waiting, after which a run is taken for a mistake
@@ -96,6 +98,11 @@ class Steps:
                 return
         self.ending.fail("its steps lead nowhere", self.now)
 
+    def occupy(self) -> None:
+        """Take the places of the mission before anything begins, or wait for them."""
+        self.head.phase, self.head.until = Phase.OCCUPYING, self.now + self.program.occupy_within
+        self.robots.effects.append(Occupy())
+
     def again(self) -> None:
         """Go on with a step that a question held up: begin it, or see whether it is over."""
         step = self.instruction()
@@ -121,6 +128,8 @@ class Steps:
         """End a wait whose time is over, or whose condition holds; and a preparation that takes too long."""
         self._end_late_missions()
         late = self.now >= self.head.until
+        if self.head.phase is Phase.OCCUPYING and self.now >= self.head.until + TOLD_WITHIN:
+            self.fail("nobody said whether its places are free")
         if self.head.phase is Phase.PREPARING and late:
             missing = ", ".join(sorted(self._unprepared))
             self.fail(f"step {self.name}: {missing} did not say whether it can; nobody moved")

@@ -92,6 +92,7 @@ class Missions:
             candidates=self._candidates,
             allowed=self._refusal,
             places={name: place.at for name, place in found.items() if place.frame == "site"},
+            capacities={name: place.capacity for name, place in found.items()},
             store=self.store,
             clock=process.clock,
             soon=self._soon,

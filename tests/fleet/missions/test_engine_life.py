@@ -32,6 +32,8 @@ from fleet.missions.state import (
     Heard,
     Left,
     Member,
+    Occupied,
+    Occupy,
     Outcome,
     Part,
     Pause,
@@ -148,6 +150,7 @@ def programs(draw):
         tuple(steps),
         draw(st.sampled_from([{"eye": 1, "feet": 1}, {"eye": 1, "feet": 2}, {"feet": 1}])),
         draw(st.sampled_from([Require(), Require(battery_min=20)])),
+        occupies=draw(st.sampled_from([(), (), ("gate",)])),
         deadline=draw(st.sampled_from([None, None, 400.0])),
         on_failure=draw(st.sampled_from(["hold", "undo", "stop"])),
         on_abort=draw(st.sampled_from(["hold", "land"])),
@@ -168,6 +171,7 @@ class Life(RuleBasedStateMachine):
         self.ended = []
         self.waiting = {}
         self.preparing = {}
+        self.occupying = False
         members = [
             Member(robot, role, at, PLAYS.get(robot, {})) for at, (robot, role) in enumerate(ROBOTS.items())
         ]
@@ -217,7 +221,12 @@ class Life(RuleBasedStateMachine):
     def carry_out(self, effect):
         match effect:
             case Begin(part):
+                assert not (self.occupying and part.kind == "do"), (
+                    "nothing begins before its places are its own"
+                )
                 self.waiting[part.identity] = part
+            case Occupy():
+                self.occupying = True
             case Prepare(robot):
                 self.preparing[robot] = effect
             case EmergencyStop(robots):
@@ -250,6 +259,12 @@ class Life(RuleBasedStateMachine):
         robot = data.draw(st.sampled_from(sorted(self.preparing)))
         del self.preparing[robot]
         self.send(Prepared(robot, refusal))
+
+    @precondition(lambda self: self.occupying)
+    @rule(event=st.sampled_from([Occupied(), Occupied(), Occupied("gate"), Occupied(late="no")]))
+    def it_is_told_of_its_places(self, event):
+        self.occupying = self.occupying and bool(event.waits_for)
+        self.send(event)
 
     @rule(robot=st.sampled_from(sorted(ROBOTS)), outcome=st.sampled_from(GONE))
     def a_robot_leaves(self, robot, outcome):
@@ -315,7 +330,7 @@ class Life(RuleBasedStateMachine):
         if self.engine.over:
             return
         self.now += seconds
-        self.waiting, self.preparing = {}, {}
+        self.waiting, self.preparing, self.occupying = {}, {}, False
         self.engine = Engine(
             "run",
             self.program,

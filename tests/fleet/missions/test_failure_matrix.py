@@ -17,6 +17,7 @@ from fleet.missions.state import (
     Head,
     Left,
     Member,
+    Occupied,
     Outcome,
     Part,
     Phase,
@@ -185,6 +186,16 @@ def test_what_lands_is_not_broken_off(play):
     assert run.ended is None, "it waits for the landing"
     assert run.begun()[-1] == ("rover", "goto"), "nobody is stopped"
     run.reply("kestrel")
+    assert run.ended is RunOutcome.FAILED
+
+
+def test_a_place_is_not_free_in_time(play):
+    run = play(do(), occupies=("gate",))
+    run.take(Occupied("gate, which run 7 of patrol has"))
+    assert run.engine.head.phase is Phase.OCCUPYING
+    run.take(Occupied(late="gate did not become free in time: run 7 of patrol has it"))
+    assert [words for _, words in run.begun()] == ["stop"] * 3, "nothing was begun"
+    run.stands(*EVERYBODY)
     assert run.ended is RunOutcome.FAILED
 
 

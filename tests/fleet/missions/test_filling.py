@@ -31,7 +31,7 @@ def robot(name, *can, battery=80.0):
 def fill(*robots, scan=SCAN, outer=OUTER):
     mission = mission_of("patrol", outer, {"scan": mission_of("scan", scan)})
     program = mission.program({})
-    return program, Filling(lambda: list(robots), list).fill(mission, program, StartAsk())
+    return program, Filling(lambda: list(robots), list, bool).fill(mission, program, StartAsk())
 
 
 def test_each_robot_gets_a_role_that_it_is_good_for():

@@ -90,16 +90,6 @@ def test_a_mission_that_must_be_rehearsed_is_refused(yard):
     assert "rehearsed" in refusal
 
 
-def test_two_runs_do_not_occupy_one_place(yard):
-    yard.start({**MISSION, "occupies": ["gate"]})
-    began = []
-    other = mission_of("other", {**MISSION, "occupies": ["gate"]})
-    yard.runs.start(
-        other, other.program({}), StartAsk(run="77"), Transport.BUS, lambda *given: began.append(given)
-    )
-    assert began[0][2] == "run 3f2a of patrol occupies gate"
-
-
 @pytest.mark.parametrize(
     ("fields", "outcome"),
     [

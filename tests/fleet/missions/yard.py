@@ -114,6 +114,7 @@ class Yard:
             ],
             allowed=lambda robot, origin, _commands, _navigates: self.denied.get((robot, origin.way)),
             places={},
+            capacities={"gate": 1, "pad": 2},
             store=self.store,
             clock=self.clock,
             soon=self.soon.append,

@@ -103,6 +103,7 @@ async def main(folder, began, trigger, kill):
             ],
             allowed=lambda *_: None,
             places={},
+            capacities={},
             store=store,
             clock=clock,
             soon=loop.call_soon_threadsafe,
