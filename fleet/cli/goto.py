@@ -15,9 +15,9 @@ from fleet.cli.completion import PLACE, ROBOT
 from fleet.cli.edges import Edges
 from fleet.cli.options import reach_option, timeout_option, wait_option
 from fleet.cli.output import ExitCode, Output, with_output
-from fleet.cli.route import Waypoints, is_name, read_route, route_of
 from fleet.cli.send import ask_each
 from fleet.cli.together import at_option
+from fleet.config.route import Waypoints, is_name, read_route, route_of
 from fleet.errors import Refused
 from fleet.model.geodesy import GeoOrigin, geo_from_world
 from fleet.model.geometry import Vector3

@@ -151,7 +151,9 @@ def _known(data: Mapping[str, Any]) -> Known:
     groups = data.get("groups")
     places = data.get("places")
     names = [str(name) for name in (*robots, *(groups if isinstance(groups, dict) else ()))]
-    return Known(names, list(places) if isinstance(places, dict) else [])
+    site = data.get("site")
+    on_earth = isinstance(site, dict) and site.get("origin") is not None
+    return Known(names, list(places) if isinstance(places, dict) else [], on_earth=on_earth)
 
 
 def _check_together(document: Document, sections: Sections | None, robots: Mapping[int, _Made]) -> None:

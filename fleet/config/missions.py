@@ -8,17 +8,19 @@ from __future__ import annotations
 
 import json
 import pathlib
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Collection, Mapping
+from functools import partial
 from typing import Any
 
 import msgspec
 
 from fleet.config.explain import validated
 from fleet.config.inner_missions import InnerCheck
+from fleet.config.mission_files import with_files
 from fleet.config.problems import InvalidConfig, Path
 from fleet.config.text import nearest
 from fleet.config.yaml import Document, read
-from fleet.errors import Refused, WireError
+from fleet.errors import Refused
 from fleet.missions.compile import compiled, is_for_each
 from fleet.missions.model import (
     ALL,
@@ -31,10 +33,7 @@ from fleet.missions.model import (
     StepConfig,
     normalised,
 )
-from fleet.missions.plan import plan_in
 from fleet.missions.program import Program
-
-LARGEST = 1 << 20  # bytes of a plan file
 
 
 class Mission(msgspec.Struct, frozen=True):
@@ -81,6 +80,7 @@ class Known(msgspec.Struct, frozen=True):
     names: Collection[str] | None = None
     places: Collection[str] | None = None
     missions: Mapping[str, Mission] | None = None
+    on_earth: bool | None = None  # whether the site has an origin
 
 
 def read_mission(path: pathlib.Path, environ: Mapping[str, str], known: Known) -> Mission:
@@ -154,14 +154,16 @@ def _check_inner(
     def report(path: Path, message: str, hint: str) -> None:
         _report_at(document, path, message, hint)
 
-    def given(path: Path) -> Any:
-        value = document.data
-        for step in path:
-            value = value.get(step) if isinstance(value, dict) else value[step]
-        return value
-
     known = {name: each.config for name, each in others.items()}
-    InnerCheck(mission.name, mission.config, known, named, report).all(at, given)
+    InnerCheck(mission.name, mission.config, known, named, report).all(at, partial(_written, document))
+
+
+def _written(document: Document, path: Path) -> Any:
+    """Return what stands at a path, before inputs are filled in; None for what is left out."""
+    value = document.data
+    for step in path:
+        value = value.get(step) if isinstance(value, dict) else value[step]
+    return value
 
 
 def _report_at(document: Document, path: Path, message: str, hint: str = "") -> None:
@@ -185,22 +187,25 @@ def checked_mission(
     config = validated(MissionConfig, normalised(data, samples), at, document, {"folder": folder})
     if config is None:
         return None
-    check = _Check(config, at, document, known)
+    check = _Check(config, at, document, known, has_files=folder is not None)
     check.inputs(data, at)
     check.all()
     if folder is not None:
-        data = _with_files(data, at, document, folder)
+        data = with_files(data, at, document, folder)
     return Mission(name, data, config)
 
 
 class _Check:
     """Looks at one mission as a whole."""
 
-    def __init__(self, mission: MissionConfig, at: Path, document: Document, known: Known) -> None:
+    def __init__(
+        self, mission: MissionConfig, at: Path, document: Document, known: Known, *, has_files: bool
+    ) -> None:
         self._mission = mission
         self._at = at
         self._document = document
         self._known = known
+        self._has_files = has_files
         self._ids: set[str] = set()
 
     def report(self, path: Path, message: str, hint: str = "") -> None:
@@ -299,17 +304,28 @@ class _Check:
 
     def _act(self, act: ActConfig, role: str, where: Path) -> None:
         """Check what one role does."""
-        if act.path is not None and not all(isinstance(each, list) for each in act.path):
-            self.report((*where, "path"), "a path is not read from a file yet", "write [[x, y], [x, y]]")
-        if isinstance(act.goto, str):
+        if isinstance(act.goto, str) and isinstance(_written(self._document, (*where, "goto")), str):
             self._place(act.goto, (*where, "goto"))
-        value = getattr(act, act.verb)
+        value, place = getattr(act, act.verb), (*where, act.verb)
+        if act.verb in {"goto", "path"} and self._known.on_earth is False and _is_on_earth(value):
+            message = "nobody knows where the site is on Earth"
+            self.report(place, message, "site: {origin: [latitude, longitude, altitude]} in fleet.yaml")
+        files = value if isinstance(value, list) else [value]
+        if (
+            act.verb in {"path", "plan"}
+            and not self._has_files
+            and any(isinstance(each, str) for each in files)
+        ):
+            self.report(place, "a mission that is sent has the content of its files in it")
         if is_for_each(act.verb, value) and role in self._mission.roles:
             most = self._mission.roles[role].count.max
             if len(value) not in (1, most):
-                self.report(
-                    (*where, act.verb), f"{len(value)} files for {most} robots", "one, or one for each"
-                )
+                self.report(place, f"{len(value)} files for {most} robots", "one, or one for each")
+
+
+def _is_on_earth(value: Any) -> bool:
+    """Return whether a goal or a path has a point on Earth."""
+    return isinstance(value, dict) or (isinstance(value, list) and any(map(_is_on_earth, value)))
 
 
 def _values(inputs: Mapping[str, InputConfig], given: Mapping[str, Any]) -> dict[str, Any]:
@@ -338,47 +354,3 @@ def _samples(data: Any) -> dict[str, Any]:
         except ValueError:
             continue
     return found
-
-
-def _with_files(data: Any, at: Path, document: Document, folder: pathlib.Path) -> Any:
-    """Return a mission's data with the content of its files in the place of their names."""
-    if isinstance(data, dict):
-        return {
-            key: _read_in(value, (*at, key), document, folder)
-            if key == "plan" and isinstance(value, str | list)
-            else _with_files(value, (*at, key), document, folder)
-            for key, value in data.items()
-        }
-    if isinstance(data, list):
-        return [_with_files(each, (*at, index), document, folder) for index, each in enumerate(data)]
-    return data
-
-
-def _read_in(value: Any, at: Path, document: Document, folder: pathlib.Path) -> Any:
-    """Return the plan in a file, or in each of several; None after reporting why it cannot be read."""
-    if isinstance(value, list):
-        return [_read_in(each, (*at, index), document, folder) for index, each in enumerate(value)]
-    try:
-        return plan_in(_bytes_of(folder / value))
-    except (OSError, WireError) as error:
-        why = error.strerror if isinstance(error, OSError) else str(error)
-        document.report(document.marks[at], f"{value}: {why}")
-        return None
-
-
-def _bytes_of(path: pathlib.Path) -> bytes:
-    """Read a file; raises OSError, WireError for one that is too large."""
-    with path.open("rb") as file:
-        data = file.read(LARGEST + 1)
-    if len(data) > LARGEST:
-        raise WireError(f"is larger than {LARGEST >> 20} MiB")
-    return data
-
-
-def uses_inputs(data: Any) -> Iterator[str]:
-    """Yield the inputs that some data uses."""
-    if isinstance(data, dict) and set(data) == {"input"}:
-        yield str(data["input"])
-    elif isinstance(data, dict | list):
-        for each in data.values() if isinstance(data, dict) else data:
-            yield from uses_inputs(each)

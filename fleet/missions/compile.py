@@ -21,6 +21,7 @@ from fleet.missions.model import (
     RoleConfig,
     StepConfig,
 )
+from fleet.missions.points import is_point
 from fleet.missions.program import (
     Act,
     Again,
@@ -216,9 +217,4 @@ def is_for_each(verb: str, value: object) -> bool:
         return False
     if verb == "plan":
         return True
-    return verb == "path" and not all(_is_point(each) for each in value)
-
-
-def _is_point(value: object) -> bool:
-    """Return whether a value is one point of a path: two or three numbers."""
-    return isinstance(value, list) and all(isinstance(each, int | float) for each in value)
+    return verb == "path" and not all(is_point(each) for each in value)

@@ -13,6 +13,7 @@ from typing import Annotated, Any, Literal, Self
 
 from pydantic import BeforeValidator, ConfigDict, Field, model_validator
 
+from fleet.missions.points import MOST_POINTS, is_point, point_trouble
 from fleet.robot_config import Name
 from fleet.yaml_model import Model, wrong
 
@@ -45,6 +46,35 @@ def _seconds(given: Any) -> Any:
 Duration = Annotated[float, BeforeValidator(_seconds), Field(gt=0, le=LONGEST, allow_inf_nan=False)]
 Percent = Annotated[float, Field(ge=0, le=100, allow_inf_nan=False)]
 Verb = Literal["command", "goto", "path", "plan", "mission"]
+
+
+def _goal(given: Any) -> Any:
+    """Refuse what is neither the name of a place nor a point."""
+    trouble = "" if isinstance(given, str | None) else point_trouble(given)
+    if trouble:
+        raise ValueError(trouble)
+    return given
+
+
+def _path(given: Any) -> Any:
+    """Refuse what is neither a file, a list of points, nor a list with one of these for each robot."""
+    if isinstance(given, str | None):
+        return given
+    if not isinstance(given, list) or not 1 <= len(given) <= MOST_POINTS:
+        raise ValueError(f"a path is a file, or a list of 1 to {MOST_POINTS} points")
+    whole = [each for each in given if not isinstance(each, str)]
+    points = whole if all(map(is_point, whole)) else [point for each in whole for point in _points(each)]
+    trouble = next((trouble for point in points if (trouble := point_trouble(point))), "")
+    if trouble or (points is whole and points and len(whole) < len(given)):
+        raise ValueError(trouble or "a list of paths has a file or a list of points for each robot")
+    return given
+
+
+def _points(given: Any) -> list[Any]:
+    """Return the points of one of several paths; raises ValueError."""
+    if not isinstance(given, list) or is_point(given):
+        raise ValueError("a list of paths has a file or a list of points for each robot")
+    return given
 
 
 class _Words(Model):
@@ -174,11 +204,15 @@ class ActConfig(_Words):
     with_: dict[str, Any] = Field(
         {}, alias="with", description="The data of a command, or the inputs of a mission."
     )
-    goto: str | list[float] | None = Field(
-        None, description="A place by its name, or [x, y] or [x, y, z] in metres in the site's frame."
+    goto: Annotated[str | list[float] | dict[str, float], BeforeValidator(_goal)] | None = Field(
+        None,
+        description="A place by its name, [x, y] or [x, y, z] in metres in the site's frame, or {lat, lon, "
+        "alt} in degrees and metres above the take-off point.",
     )
-    path: str | list[Any] | None = Field(
-        None, description="Points [x, y] or [x, y, z] in metres in the site's frame."
+    path: Annotated[str | list[Any], BeforeValidator(_path)] | None = Field(
+        None,
+        description="A list of such points, or a file that has one: YAML, CSV or GeoJSON. A list of files: "
+        "one for each robot.",
     )
     plan: str | list[str] | dict[str, Any] | None = Field(
         None, description="A plan file (.plan, or JSON) that the autopilot flies from its memory."

@@ -14,7 +14,8 @@ from typing import Any, Protocol
 from fleet.clock import Clock
 from fleet.errors import Refused
 from fleet.missions.engine import Engine
-from fleet.missions.messages import Places, message_of, payload_of
+from fleet.missions.messages import message_of, payload_of
+from fleet.missions.points import SiteMap
 from fleet.missions.program import Act
 from fleet.missions.state import (
     Begin,
@@ -68,7 +69,7 @@ class Surroundings(Protocol):
 
     clock: Clock
     store: Store
-    places: Places
+    site: SiteMap
     robots: Mapping[str, Robot]
 
     def soon(self, call: Callable[[], None]) -> None:
@@ -213,7 +214,7 @@ class Run:
             self.take(Left(part.robot, *left))
             return
         try:
-            kind, message = message_of(part.act, part.identity, state, self._around.places)
+            kind, message = message_of(part.act, part.identity, state, self._around.site)
         except Refused as error:
             self.take(Replied(part.identity, Outcome.REFUSED, error.reason))
             return
@@ -243,7 +244,7 @@ class Run:
         """Return why a robot could not begin now."""
         found = self._around.robots[robot]
         try:
-            kind, message = message_of(act, f"{self.id}/prepare/{robot}", found.state(), self._around.places)
+            kind, message = message_of(act, f"{self.id}/prepare/{robot}", found.state(), self._around.site)
         except Refused as error:
             return error.reason
         return found.would_refuse(kind, self._payload(message), way=Transport(self.about.way))

@@ -15,16 +15,17 @@ from fleet.missions.run import Run
 from fleet.missions.state import Head, Occupied, Phase
 from fleet.missions.store import Kept
 from fleet.model.occupancy import Claim, Occupancy, Settled, Verdict
+from fleet.model.place import Place
 
 
 class RunPlaces:
     """Who has which places. ``run_of``: a run under way by its id, None for one that is not."""
 
     def __init__(
-        self, capacities: Mapping[str, int], run_of: Callable[[str], Run | None], clock: Clock
+        self, places: Mapping[str, Place], run_of: Callable[[str], Run | None], clock: Clock
     ) -> None:
-        self._capacities = capacities
-        self._occupancy = Occupancy(capacities)
+        self._capacities = {name: place.capacity for name, place in places.items()}
+        self._occupancy = Occupancy(self._capacities)
         self._run_of = run_of
         self._clock = clock
         self._missions: dict[str, str] = {}

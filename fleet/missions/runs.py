@@ -20,7 +20,7 @@ from fleet.config.missions import Mission
 from fleet.errors import Refused
 from fleet.missions.engine import Engine
 from fleet.missions.filling import Filling, members_of, needs_of
-from fleet.missions.messages import Places
+from fleet.missions.points import SiteMap
 from fleet.missions.program import Program
 from fleet.missions.report import ControlAsk, RunState, StartAsk, state_of
 from fleet.missions.roles import Candidate
@@ -65,8 +65,7 @@ class Runs:
         *,
         candidates: Callable[[], list[Candidate]],
         allowed: Allowed,
-        places: Places,
-        capacities: Mapping[str, int],
+        site: SiteMap,
         store: Store,
         clock: Clock,
         soon: Callable[[Callable[[], None]], None],
@@ -75,7 +74,7 @@ class Runs:
     ) -> None:
         self.edge = edge
         self.robots = robots
-        self.places = places
+        self.site = site
         self.store = store
         self.clock = clock
         self.soon = soon
@@ -83,7 +82,7 @@ class Runs:
         self._allowed = allowed
         self._told = told
         self._runs: dict[str, Run] = {}
-        self._places = RunPlaces(capacities, self._runs.get, clock)
+        self._places = RunPlaces(site.places, self._runs.get, clock)
         self.occupy = self._places.occupy
         self.give_back = self._places.give_back
         self.filling = Filling(candidates, self.all, self._places.is_full)

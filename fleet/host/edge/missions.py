@@ -25,6 +25,7 @@ from fleet.host.process.robot_process import RobotProcess
 from fleet.host.requests.stop_cause import StopCause
 from fleet.host.safety.source_policy import SourcePolicy
 from fleet.host.workers.remote_robot import RemoteRobot
+from fleet.missions.points import SiteMap
 from fleet.missions.program import Program
 from fleet.missions.report import (
     ControlAsk,
@@ -42,6 +43,7 @@ from fleet.missions.store import About, Store, Told
 from fleet.model.command import Origin, Transport
 from fleet.model.description import RobotDescription
 from fleet.model.event import EventKind, EventReport, Requester, Severity
+from fleet.model.geodesy import GeoOrigin
 from fleet.model.state import RobotState
 from fleet.runtime.decoding import decode_json
 from fleet.wire.published import object_in
@@ -85,14 +87,13 @@ class Missions:
         self._states = self._bus_session.publishers(keys.run(self._edge, "*"))
         self._checker = ThreadPoolExecutor(1, thread_name_prefix="fleet-mission-check")
         self.store = Store(folder)
-        found = places_of(config.places)
+        origin = config.site.origin
         self.runs = Runs(
             self._edge,
             {**self._here, **self._elsewhere},
             candidates=self._candidates,
             allowed=self._refusal,
-            places={name: place.at for name, place in found.items() if place.frame == "site"},
-            capacities={name: place.capacity for name, place in found.items()},
+            site=SiteMap(places_of(config.places), GeoOrigin(*origin) if origin is not None else None),
             store=self.store,
             clock=process.clock,
             soon=self._soon,

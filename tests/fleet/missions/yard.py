@@ -5,13 +5,16 @@ import json
 import msgspec
 
 from fleet.config.missions import mission_of
+from fleet.missions.points import SiteMap
 from fleet.missions.report import StartAsk
 from fleet.missions.roles import Candidate
 from fleet.missions.runs import Runs
 from fleet.missions.state import Facts
 from fleet.missions.store import Store
 from fleet.model.command import Reply, ReplyStatus, Request, Transport
+from fleet.model.geodesy import GeoOrigin
 from fleet.model.geometry import Vector3
+from fleet.model.place import Place
 from fleet.model.site import Placement
 from fleet.model.state import RobotState
 from fleet.testing.clock import ManualClock
@@ -113,8 +116,14 @@ class Yard:
                 for name in self.robots
             ],
             allowed=lambda robot, origin, _commands, _navigates: self.denied.get((robot, origin.way)),
-            places={},
-            capacities={"gate": 1, "pad": 2},
+            site=SiteMap(
+                {
+                    "gate": Place("gate", (4.0, 5.0)),
+                    "pad": Place("pad", (6.0, 7.0), capacity=2),
+                    "hill": Place("hill", (47.001, 8.001, 12.0), "geodetic"),
+                },
+                GeoOrigin(47.0, 8.0, 400.0),
+            ),
             store=self.store,
             clock=self.clock,
             soon=self.soon.append,
