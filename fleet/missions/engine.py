@@ -17,6 +17,7 @@ from fleet.missions.state import (
     Abort,
     Answer,
     Effect,
+    Enlisted,
     Event,
     Facts,
     Head,
@@ -71,6 +72,7 @@ class Engine:
             Replied: self._replied,
             Prepared: lambda event: self.steps.prepared(event.robot, event.refusal),
             Occupied: self._occupied,
+            Enlisted: self.steps.enlisted,
             Facts: self._facts,
             Heard: lambda event: self.seen.heard(event.robot, event.event, self._now),
             Left: self._left,
@@ -314,5 +316,5 @@ class Engine:
         """Go on between two steps, or before the first."""
         if self.head.phase is Phase.OCCUPYING:
             self.robots.effects.append(Occupy())
-        elif self.head.phase in (Phase.NEW, Phase.PREPARING):
+        elif self.head.phase in (Phase.NEW, Phase.FILLING, Phase.PREPARING):
             self.steps.go_on()

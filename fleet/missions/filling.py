@@ -11,7 +11,7 @@ from fleet.errors import Refused
 from fleet.missions.model import ALL, CountConfig, RoleConfig
 from fleet.missions.program import Do, Program, RoleNeed
 from fleet.missions.report import StartAsk
-from fleet.missions.roles import Candidate, filled, is_meant, runs_in_the_way
+from fleet.missions.roles import Candidate, filled, is_meant, runs_in_the_way, spare_of, spares
 from fleet.missions.run import Run
 from fleet.missions.state import Member
 
@@ -37,6 +37,8 @@ class Filling:
         _require_rehearsal(mission)
         needs, free = needs_of(program), self._free(ask.run)
         found = filled(mission.config.roles, needs, free, program.require, ask.robots)
+        taken = [robot for robots in found.values() for robot in robots]
+        found |= spares(mission.config.roles, needs, free, program.require, ask.robots, taken=taken)
         for inner in program.inner.values():
             carriers = roles_of(inner.carrier, found)
             robots = {robot for role in carriers for robot in found[role]}
@@ -82,7 +84,11 @@ class Filling:
 def roles_of(role: str, roles: Iterable[str]) -> list[str]:
     """Return the roles that a name stands for: itself, or with ``all`` those of its mission."""
     scope, _, name = role.rpartition(".")
-    return [role] if name != ALL else [each for each in roles if each.rpartition(".")[0] == scope]
+    return (
+        [role]
+        if name != ALL
+        else [each for each in roles if each.rpartition(".")[0] == scope and " " not in each]
+    )
 
 
 def members_of(program: Program, roles: Mapping[str, Iterable[str]]) -> list[Member]:
@@ -92,11 +98,17 @@ def members_of(program: Program, roles: Mapping[str, Iterable[str]]) -> list[Mem
         for role in mission.roles:
             for at, robot in enumerate(roles[role]):
                 plays.setdefault(robot, {}).update({role: at, f"{inner}.{ALL}": at})
-    return [
+    members = [
         Member(robot, role, at, plays.get(robot, {}))
         for role in program.quorum
         for at, robot in enumerate(roles[role])
     ]
+    waiting = [
+        Member(robot, role, 0, ours=False, within=False, spare=True)
+        for role in program.quorum
+        for robot in roles.get(spare_of(role), ())
+    ]
+    return members + waiting
 
 
 def _config_of(need: RoleNeed) -> RoleConfig:

@@ -147,6 +147,13 @@ class RoleConfig(_Words):
     from_: Name | None = Field(None, alias="from", description="A group or a robot. Left out: any robot.")
     kind: Name | None = Field(None, description="Only robots of this adapter.")
     can: tuple[str, ...] = Field((), description="Commands that they must take; goto, path and plan too.")
+    spares: int = Field(
+        0,
+        ge=0,
+        le=1000,
+        description="How many more may take the place of a robot that is lost, between two steps. They stay "
+        "free for others until then. Only in the outermost mission.",
+    )
     count: CountConfig = Field(
         CountConfig(min=1, max=1), description="How many: a number, or {min: 2, max: 4}."
     )

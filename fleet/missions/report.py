@@ -157,4 +157,5 @@ def ended_state(about: About, head: Head, members: Iterable[Member], edge: str) 
 def _bus_session(member: Member, doing: str) -> RunRobot:
     """Return one robot of a run."""
     outcome = member.outcome.value if member.outcome else ""
+    doing = "spare" if member.spare else doing
     return RunRobot(member.robot, member.role, doing, member.within, outcome, member.reason)

@@ -19,9 +19,12 @@ from fleet.missions.points import SiteMap
 from fleet.missions.program import Act
 from fleet.missions.state import (
     Begin,
+    Dismiss,
     Effect,
     EmergencyStop,
     Ended,
+    Enlist,
+    Enlisted,
     Event,
     Facts,
     Hold,
@@ -139,11 +142,18 @@ class Run:
         """Look at the robots, and let time pass."""
         for member in self.engine.robots.ours():
             self._look(member.robot)
+        for member in self.engine.robots.spares("all"):
+            self._see(member.robot)
         self.take(Tick())
 
     def see(self) -> None:
         """Tell the engine what is seen of every robot."""
         for robot in self.engine.robots.members:
+            self._see(robot)
+
+    def _see(self, robot: str) -> None:
+        """Tell the engine what is seen of a robot; of one that fleet.yaml has no more nothing is."""
+        if robot in self._around.robots:
             self.take(_facts(self._around.robots[robot].state()))
 
     def _look(self, robot: str) -> None:
@@ -195,6 +205,10 @@ class Run:
                 self._ask(part.robot, "navigate", {"command": "resume" if resumes else "pause"}, "")
             case EmergencyStop(robots, reason):
                 self._around.stop(robots, f"run {self.id}: {reason}")
+            case Enlist(robot):
+                self._enlist(robot)
+            case Dismiss(robot):
+                self.leave(robot)
             case Occupy():
                 self._around.occupy(self)
             case Ended():
@@ -262,10 +276,26 @@ class Run:
         """Ask for a robot; it obeys nobody else's motion until it is given back."""
         self._ask(robot, "command", {"command": JOIN, "data": {"run": self.id}}, "", answer)
 
-    def _give_back(self) -> None:
-        """Give all robots back."""
-        for robot in self.engine.robots.members:
+    def _enlist(self, robot: str) -> None:
+        """Ask for a spare; one that fleet.yaml has no more is not asked."""
+        if robot in self._around.robots:
+            self.join(robot, partial(self._enlisted, robot))
+        else:
+            self.take(Enlisted(robot, "fleet.yaml has it no more"))
+
+    def _enlisted(self, robot: str, reply: Reply) -> None:
+        """Take the answer of a spare; one that joins a run that has ended is given back."""
+        if reply.ok and not reply.done:
+            return
+        if reply.ok and self.engine.over:
             self.leave(robot)
+        self.take(Enlisted(robot, "" if reply.ok else reply.reason or "it refused"))
+
+    def _give_back(self) -> None:
+        """Give all robots back, but those that were spares to the end."""
+        for member in self.engine.robots.members.values():
+            if member.robot in self._around.robots and not member.spare:
+                self.leave(member.robot)
 
     def leave(self, robot: str) -> None:
         """Give a robot back."""

@@ -129,7 +129,7 @@ class RunRobots:
         was_within = member.within
         if was_within:
             member.outcome, member.reason, member.since = outcome, reason, now
-        member.within = False
+        member.within = member.spare = False
         if outcome in NOT_OURS:
             member.ours = False
         self.touched[f"member {robot}"] = member
@@ -140,14 +140,18 @@ class RunRobots:
             self.note(f"out of the run: {outcome}: {reason}", robot)
         return was_within
 
-    def shortage(self, quorum: dict[str, int]) -> str:
+    def spares(self, role: str) -> list[Member]:
+        """Return the robots that may take the place of another one in a role."""
+        return [each for each in self.members.values() if each.spare and role in (each.role, "all")]
+
+    def shortage(self, quorum: dict[str, int], *, with_spares: bool = False) -> str:
         """Return which role has fewer robots than its quorum; empty when none has."""
         for role, least in quorum.items():
-            left = len(self.within([role]))
+            left = len(self.within([role])) + (len(self.spares(role)) if with_spares else 0)
             if left < least:
                 return f"role {role} has {left} of the {least} robots that it needs"
         return ""
 
     def lost_any(self) -> bool:
         """Return whether a robot did not come through to the end."""
-        return any(not each.within for each in self.members.values())
+        return any(not each.within and not each.spare for each in self.members.values())

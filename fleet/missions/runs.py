@@ -23,7 +23,7 @@ from fleet.missions.filling import Filling, members_of, needs_of
 from fleet.missions.points import SiteMap
 from fleet.missions.program import Program
 from fleet.missions.report import ControlAsk, RunState, StartAsk, state_of
-from fleet.missions.roles import Candidate
+from fleet.missions.roles import Candidate, spare_of
 from fleet.missions.run import Robot, Run
 from fleet.missions.run_places import RunPlaces
 from fleet.missions.state import (
@@ -151,7 +151,8 @@ class Runs:
         """Raise Refused unless every robot lets the asker do every step: a mission gives nobody rights."""
         needs = needs_of(program)
         for role, robots in roles.items():
-            leads = bool(needs.get(role, frozenset()) & {"goto", "path", "plan"})
+            need = needs.get(role.removeprefix(spare_of("")), frozenset())
+            leads = bool(need & {"goto", "path", "plan"})
             for robot in robots:
                 refusal = self._allowed(robot, origin, True, leads)
                 if refusal:

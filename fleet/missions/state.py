@@ -46,6 +46,7 @@ class Phase(enum.StrEnum):
     """Where a run is in its life."""
 
     NEW = "new"  # recorded, nothing begun
+    FILLING = "filling"  # a spare is asked to take the place of a robot that is lost
     OCCUPYING = "occupying"  # it waits for its places; nothing is begun
     PREPARING = "preparing"  # robots are asked whether they could; nobody moves
     STEP = "step"  # robots do something
@@ -61,6 +62,7 @@ class Phase(enum.StrEnum):
 NEXT: Mapping[Phase, frozenset[Phase]] = MappingProxyType(
     {
         Phase.NEW: frozenset(Phase) - {Phase.NEW},
+        Phase.FILLING: frozenset(Phase) - {Phase.NEW},
         Phase.OCCUPYING: frozenset(Phase) - {Phase.NEW},
         Phase.PREPARING: frozenset(Phase) - {Phase.NEW},
         Phase.STEP: frozenset(Phase) - {Phase.NEW},
@@ -79,6 +81,7 @@ GOING_ON = frozenset(
     {
         Phase.NEW,
         Phase.OCCUPYING,
+        Phase.FILLING,
         Phase.PREPARING,
         Phase.STEP,
         Phase.WAITING,
@@ -96,7 +99,8 @@ class Member(msgspec.Struct):
 
     A robot that failed is no longer within, but ours: it is held, and undone. One that was taken, stopped or
     lost is not ours, and is never commanded again. ``index`` is its place among the robots of its role,
-    ``plays`` that in each role of a mission within the mission, the role before ``all``.
+    ``plays`` that in each role of a mission within the mission, the role before ``all``. A ``spare`` is
+    neither ours nor within until it takes the place of another, which is ``replaced`` then.
     """
 
     robot: str
@@ -109,6 +113,8 @@ class Member(msgspec.Struct):
     reason: str = ""
     since: float = 0.0
     paused_at: tuple[float, float, float] | None = None
+    spare: bool = False
+    replaced: bool = False
 
 
 class Part(msgspec.Struct):
@@ -162,6 +168,7 @@ class Head(msgspec.Struct):
     loops: dict[str, int] = {}
     entered: dict[str, float] = {}
     until: float = 0.0  # of a wait
+    enlists: str = ""  # the spare that is asked
     waits_for: str = ""  # the place that it waits for, and who has it
     question: Question | None = None
     questions: int = 0
@@ -205,6 +212,13 @@ class Replied(msgspec.Struct, frozen=True):
 
 class Prepared(msgspec.Struct, frozen=True):
     """Whether a robot could begin; ``refusal`` is empty when it could."""
+
+    robot: str
+    refusal: str = ""
+
+
+class Enlisted(msgspec.Struct, frozen=True):
+    """Whether a spare has joined the run; ``refusal`` is empty when it has."""
 
     robot: str
     refusal: str = ""
@@ -282,6 +296,7 @@ Event = (
     | Replied
     | Prepared
     | Occupied
+    | Enlisted
     | Facts
     | Heard
     | Left
@@ -300,6 +315,18 @@ class Begin(msgspec.Struct, frozen=True):
     """Command a robot, once the part is recorded."""
 
     part: Part
+
+
+class Enlist(msgspec.Struct, frozen=True):
+    """Ask a spare to join the run."""
+
+    robot: str
+
+
+class Dismiss(msgspec.Struct, frozen=True):
+    """Give back a spare that has joined when it was not needed any more."""
+
+    robot: str
 
 
 class Occupy(msgspec.Struct, frozen=True):
@@ -342,4 +369,4 @@ class Ended(msgspec.Struct, frozen=True):
     reason: str
 
 
-Effect = Begin | Occupy | Prepare | Hold | EmergencyStop | Note | Ended
+Effect = Begin | Occupy | Enlist | Dismiss | Prepare | Hold | EmergencyStop | Note | Ended

@@ -22,9 +22,11 @@ from fleet.missions.program import (
     WaitFor,
 )
 from fleet.missions.run_robots import RunRobots
+from fleet.missions.spares import ENLISTED_WITHIN, Spares
 from fleet.missions.state import (
     GOING_ON,
     Begun,
+    Enlisted,
     Head,
     Occupy,
     Outcome,
@@ -51,6 +53,7 @@ class Steps:
         self.robots = robots
         self.seen = seen
         self.ending = ending
+        self.spares = Spares(program, head, robots, seen)
         self.now = 0.0
         self._since = 0.0
         self._unprepared: set[str] = set()
@@ -84,6 +87,8 @@ class Steps:
         """Carry out instructions until one has to be waited for."""
         for _ in range(BOUND):
             step = self.instruction()
+            if isinstance(step, Do | None) and self._fills_up():
+                return
             if step is None:
                 lost = self.robots.lost_any()
                 self.ending.close(RunOutcome.WITH_LOSSES if lost else RunOutcome.COMPLETED, "")
@@ -97,6 +102,23 @@ class Steps:
             elif self._begin[type(step)](step):
                 return
         self.ending.fail("its steps lead nowhere", self.now)
+
+    def _fills_up(self) -> bool:
+        """Let spares take the places of robots that are lost; return whether the run waits for one, or ends.
+
+        With nobody left to ask, the robots that there are must be enough.
+        """
+        if self.instruction() is not None and self.spares.enlist(self.now):
+            return True
+        shortage = self.robots.shortage(self.program.quorum)
+        if shortage:
+            self.ending.fail(shortage, self.now)
+        return bool(shortage)
+
+    def enlisted(self, event: Enlisted) -> None:
+        """Take the answer of a spare, and go on."""
+        if self.spares.take(event, self.now):
+            self.go_on()
 
     def occupy(self) -> None:
         """Take the places of the mission before anything begins, or wait for them."""
@@ -128,6 +150,8 @@ class Steps:
         """End a wait whose time is over, or whose condition holds; and a preparation that takes too long."""
         self._end_late_missions()
         late = self.now >= self.head.until
+        if self.head.phase is Phase.FILLING and late:
+            self.enlisted(Enlisted(self.head.enlists, f"it did not join within {ENLISTED_WITHIN:g} s"))
         if self.head.phase is Phase.OCCUPYING and self.now >= self.head.until + TOLD_WITHIN:
             self.fail("nobody said whether its places are free")
         if self.head.phase is Phase.PREPARING and late:
@@ -359,7 +383,7 @@ class Steps:
 
     def _follow_loss(self, why: str, then: Literal["continue", "wait", "fail"]) -> None:
         """See whether the run, and each mission within it that is under way, can go on without a robot."""
-        shortage = self.robots.shortage(self.program.quorum)
+        shortage = self.robots.shortage(self.program.quorum, with_spares=True)
         if shortage:
             self.ending.fail(f"{why}; {shortage}", self.now)
             return

@@ -14,17 +14,21 @@ ROLES = {"kestrel": "eye", "beast": "feet", "rover": "feet"}
 class Play:
     """A run that is played event by event; time is moved by hand."""
 
-    def __init__(self, *steps, robots=ROLES, plays=None, **options):
+    def __init__(self, *steps, robots=ROLES, plays=None, spares=None, **options):
         self.now = 0.0
         self.effects = []
+        spares = spares or {}
         quorum = options.pop("quorum", {"eye": 1, "feet": 1})
         self.program = Program("patrol", steps, quorum, **options)
         members = [
             Member(robot, role, at, (plays or {}).get(robot, {}))
             for at, (robot, role) in enumerate(robots.items())
         ]
+        members += [
+            Member(robot, role, 0, ours=False, within=False, spare=True) for robot, role in spares.items()
+        ]
         self.engine = Engine("run", self.program, members)
-        for robot in robots:
+        for robot in (*robots, *spares):
             self.take(Facts(robot, "ok", 80.0, (0.0, 0.0, 0.0)))
         self.take(Start())
 

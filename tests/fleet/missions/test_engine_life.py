@@ -25,8 +25,11 @@ from fleet.missions.state import (
     Abort,
     Answer,
     Begin,
+    Dismiss,
     EmergencyStop,
     Ended,
+    Enlist,
+    Enlisted,
     Facts,
     Head,
     Heard,
@@ -49,6 +52,7 @@ from fleet.missions.state import (
 )
 
 ROBOTS = {"kestrel": "eye", "beast": "feet", "rover": "feet"}
+SPARE = "spot"
 GONE = [Outcome.LOST, Outcome.TAKEN, Outcome.STOPPED]
 ENDS = [Outcome.DONE, Outcome.DONE, Outcome.DONE, Outcome.FAILED, Outcome.REFUSED, Outcome.UNKNOWN]
 CONDITIONS = st.sampled_from(
@@ -161,12 +165,13 @@ def programs(draw):
 class Life(RuleBasedStateMachine):
     """A run, its robots as they are in truth, and what was recorded of it."""
 
-    @initialize(program=programs())
-    def begin(self, program):
+    @initialize(program=programs(), spare=st.booleans())
+    def begin(self, program, spare):
         self.program = program
         self.now = 0.0
         self.begun = set()
-        self.not_ours = set()
+        self.not_ours = {SPARE}
+        self.enlisting = False
         self.stopped = False
         self.ended = []
         self.waiting = {}
@@ -175,12 +180,14 @@ class Life(RuleBasedStateMachine):
         members = [
             Member(robot, role, at, PLAYS.get(robot, {})) for at, (robot, role) in enumerate(ROBOTS.items())
         ]
+        if spare:
+            members.append(Member(SPARE, "feet", 0, ours=False, within=False, spare=True))
         self.recorded = {member.robot: msgspec.json.encode(member) for member in members}
         self.parts = {}
         self.engine = Engine("run", program, members)
         self.head = msgspec.json.encode(self.engine.head)
         self.phase = self.engine.head.phase
-        for robot in ROBOTS:
+        for robot in (*ROBOTS, SPARE):
             self.send(Facts(robot, "ok", 80.0, (0.0, 0.0, 0.0)))
         self.send(Start())
 
@@ -225,6 +232,12 @@ class Life(RuleBasedStateMachine):
                     "nothing begins before its places are its own"
                 )
                 self.waiting[part.identity] = part
+            case Enlist(robot):
+                assert robot == SPARE
+                self.enlisting = True
+            case Dismiss(robot):
+                assert robot == SPARE
+                self.not_ours.add(robot)
             case Occupy():
                 self.occupying = True
             case Prepare(robot):
@@ -259,6 +272,14 @@ class Life(RuleBasedStateMachine):
         robot = data.draw(st.sampled_from(sorted(self.preparing)))
         del self.preparing[robot]
         self.send(Prepared(robot, refusal))
+
+    @precondition(lambda self: self.enlisting)
+    @rule(refusal=st.sampled_from(["", "", "no"]))
+    def a_spare_answers(self, refusal):
+        self.enlisting = False
+        if not refusal:
+            self.not_ours.discard(SPARE)
+        self.send(Enlisted(SPARE, refusal))
 
     @precondition(lambda self: self.occupying)
     @rule(event=st.sampled_from([Occupied(), Occupied(), Occupied("gate"), Occupied(late="no")]))
@@ -331,6 +352,7 @@ class Life(RuleBasedStateMachine):
             return
         self.now += seconds
         self.waiting, self.preparing, self.occupying = {}, {}, False
+        self.enlisting = False
         self.engine = Engine(
             "run",
             self.program,
@@ -338,7 +360,7 @@ class Life(RuleBasedStateMachine):
             head=msgspec.json.decode(self.head, type=Head),
             parts=[msgspec.json.decode(each, type=Part) for each in self.parts.values()],
         )
-        for robot in ROBOTS:
+        for robot in (*ROBOTS, SPARE):
             self.send(Facts(robot, "ok", 80.0, (0.0, 0.0, 0.0)))
         self.send(Restarted())
 

@@ -13,6 +13,7 @@ from fleet.missions.program import Act
 from fleet.missions.state import (
     Abort,
     Answer,
+    Enlisted,
     Facts,
     Head,
     Left,
@@ -197,6 +198,14 @@ def test_a_place_is_not_free_in_time(play):
     assert [words for _, words in run.begun()] == ["stop"] * 3, "nothing was begun"
     run.stands(*EVERYBODY)
     assert run.ended is RunOutcome.FAILED
+
+
+def test_a_robot_is_lost_that_has_a_spare(play):
+    run = play(do(), do("home"), spares={"spot": "feet"}, quorum={"feet": 2})
+    run.take(Left("beast", Outcome.LOST, "gone")).reply("kestrel").reply("rover")
+    run.take(Enlisted("spot")).reply("kestrel").reply("rover").reply("spot")
+    assert run.ended is RunOutcome.WITH_LOSSES
+    assert run.outcomes()["spot"] == "done"
 
 
 def test_undo_fails(play):
