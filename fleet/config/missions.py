@@ -31,9 +31,9 @@ from fleet.missions.model import (
     InputConfig,
     MissionConfig,
     StepConfig,
-    normalised,
 )
 from fleet.missions.program import Program
+from fleet.missions.short_forms import normalised
 
 
 class Mission(msgspec.Struct, frozen=True):

@@ -25,6 +25,7 @@ from fleet.missions.state import (
     Hold,
     Left,
     Member,
+    NotStarted,
     Occupied,
     Occupy,
     Outcome,
@@ -39,6 +40,7 @@ from fleet.missions.state import (
     Start,
     StopAll,
     Tick,
+    required,
 )
 from fleet.missions.steps import Steps
 
@@ -73,13 +75,14 @@ class Engine:
             Prepared: lambda event: self.steps.prepared(event.robot, event.refusal),
             Occupied: self._occupied,
             Enlisted: self.steps.enlisted,
+            NotStarted: self.steps.not_started,
             Facts: self._facts,
             Heard: lambda event: self.seen.heard(event.robot, event.event, self._now),
             Left: self._left,
             Answer: self._answer,
             Pause: self._pause,
             Resume: self._resume,
-            Abort: self._abort,
+            Abort: lambda event: self.ending.abort(f"aborted by {event.by or 'somebody'}", self._now),
             StopAll: self._stop_all,
         }
 
@@ -91,11 +94,11 @@ class Engine:
     @property
     def _now(self) -> float:
         """The time of the event that is being handled."""
-        return self.steps.now
+        return self.steps.losses.now
 
     def handle(self, event: Event, now: float) -> list[Effect]:
         """Take an event; ``now`` is seconds of the run's clock. Returns what is to be done, in order."""
-        self.steps.now = now
+        self.steps.losses.now = now
         if not self.over:
             self._handlers[type(event)](event)
         effects, self.robots.effects = self.robots.effects, []
@@ -148,7 +151,7 @@ class Engine:
         elif again and current:
             self.robots.begin(part.step, part.robot, part.act, "do", self._now, attempt=part.attempt + 1)
         elif event.outcome is not Outcome.DONE:
-            self.steps.lose(part.robot, event.outcome, event.reason)
+            self.steps.losses.lose(part.robot, event.outcome, event.reason)
         self.steps.look()
 
     def _left(self, event: Left) -> None:
@@ -156,7 +159,7 @@ class Engine:
         member = self.robots.members.get(event.robot)
         if member is None or not member.ours:
             return
-        self.steps.lose(event.robot, event.outcome, event.reason)
+        self.steps.losses.lose(event.robot, event.outcome, event.reason)
         self.ending.look(self._now)
         self.steps.look()
 
@@ -166,10 +169,6 @@ class Engine:
             if robot in self.robots.members:
                 self.robots.lose(robot, Outcome.STOPPED, event.reason, self._now)
         self.ending.stopped(event.reason, self._now)
-
-    def _abort(self, event: Abort) -> None:
-        """End the run because a person wants it."""
-        self.ending.abort(f"aborted by {event.by or 'somebody'}", self._now)
 
     def _pause(self, event: Pause) -> None:
         """Let robots hold, and note where they are left."""
@@ -197,7 +196,7 @@ class Engine:
         asking = head.question is not None and head.question.about != "resume"
         trouble = "" if confirmed or asking else self._change()
         if trouble:
-            self.steps.ask(f"{trouble}. Go on all the same?", "resume")
+            self.steps.losses.ask(f"{trouble}. Go on all the same?", "resume")
             return
         head.phase, paused = head.paused_from, self._now - head.paused_at
         head.until += paused
@@ -213,7 +212,7 @@ class Engine:
     def _change(self) -> str:
         """Return what has changed since the pause; empty when nothing has."""
         for member in self.robots.within():
-            trouble = self.seen.lacks(member.robot, self.steps.required())
+            trouble = self.seen.lacks(member.robot, required(self.program, self.head))
             trouble = trouble or self.seen.moved(member.robot, member.paused_at)
             if trouble:
                 return f"{member.robot}: {trouble}"
@@ -238,7 +237,7 @@ class Engine:
         if what == "abort":
             self.ending.abort(f"{question.text} abort" + (f" by {by}" if by else ""), self._now)
         elif what == "fail":
-            self.steps.fail(f"{question.text} no answer")
+            self.steps.losses.fail(f"{question.text} no answer")
             self.steps.look()
         elif question.about == "resume":
             self._resume(Resume(by), confirmed=True)
@@ -271,7 +270,7 @@ class Engine:
             reason = f"not seen done within {part.act.timeout:g} s; seen: {self.seen.words(part.robot)}"
             self.robots.end(part, late, reason, self._now)
             if part.kind == "do" and self.head.phase in GOING_ON:
-                self.steps.lose(part.robot, Outcome.LATE, reason)
+                self.steps.losses.lose(part.robot, Outcome.LATE, reason)
             else:
                 self.ending.ended(part, self._now)
 
@@ -303,14 +302,16 @@ class Engine:
         for member in self.robots.ours():
             self.robots.halt(self.steps.name, member.robot, self._now)
         self.head.phase = Phase.ASKING
-        self.steps.ask(f"The edge restarted in step {self.steps.name}. Go on with the next step?", "restart")
+        self.steps.losses.ask(
+            f"The edge restarted in step {self.steps.name}. Go on with the next step?", "restart"
+        )
 
     def _pause_after_restart(self) -> None:
         """Ask whether to go on where it was: nothing was under way."""
         if self.head.phase is not Phase.PAUSED:
             self.head.paused_from, self.head.paused_at = self.head.phase, self._now
             self.head.phase = Phase.PAUSED
-        self.steps.ask(f"The edge restarted before step {self.steps.name} was over. Go on?", "resume")
+        self.steps.losses.ask(f"The edge restarted before step {self.steps.name} was over. Go on?", "resume")
 
     def _go_on_between(self) -> None:
         """Go on between two steps, or before the first."""

@@ -1,14 +1,13 @@
 """The grammar of a mission, ``version: 1``: what fleet.yaml and mission files may say.
 
 Closed on purpose: no templates, no expressions, no embedded code, so that a mission can be checked with line
-and column, drawn, rehearsed, and read again after a crash. ``normalised`` brings short forms to their long
-form and puts values in the place of ``{input: NAME}`` before the models see the data.
+and column, drawn, rehearsed, and read again after a crash. ``short_forms.normalised`` brings short forms to
+their long form and puts values in the place of ``{input: NAME}`` before the models see the data.
 """
 
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
 from typing import Annotated, Any, Literal, Self
 
 from pydantic import BeforeValidator, ConfigDict, Field, model_validator
@@ -352,51 +351,3 @@ class MissionConfig(Model):
         description="After a restart of the edge. continue: only between steps; in one a person is asked.",
     )
     rehearse: Literal["required"] | None = Field(None, description="required: run refuses without a pass.")
-
-
-def normalised(mission: Any, values: Mapping[str, Any]) -> Any:
-    """Return a mission's data with short forms spelt out and ``values`` in the place of its inputs.
-
-    Total: what is malformed stays as it is, for the models to refuse. An input without a value stays too.
-    """
-    data = _filled(mission, values)
-    if not isinstance(data, dict):
-        return data
-    roles = data.get("roles")
-    if isinstance(roles, dict):
-        data["roles"] = {name: _counted(role) for name, role in roles.items()}
-    if isinstance(data.get("steps"), list):
-        data["steps"] = [_spelt_out(step) for step in data["steps"]]
-    return data
-
-
-def _filled(value: Any, values: Mapping[str, Any]) -> Any:
-    """Return data with values in the place of ``{input: NAME}``."""
-    if isinstance(value, dict):
-        if set(value) == {"input"} and isinstance(value["input"], str) and value["input"] in values:
-            return values[value["input"]]
-        return {key: _filled(each, values) for key, each in value.items()}
-    return [_filled(each, values) for each in value] if isinstance(value, list) else value
-
-
-def _counted(role: Any) -> Any:
-    """Return a role whose count is a number with it as bounds."""
-    if isinstance(role, dict) and isinstance(role.get("count"), int) and role["count"] is not True:
-        return {**role, "count": {"min": role["count"], "max": role["count"]}}
-    return role
-
-
-def _spelt_out(step: Any) -> Any:
-    """Return a step with ``eye: land`` as ``eye: {command: land}``, repeated steps too."""
-    if not isinstance(step, dict):
-        return step
-    long = dict(step)
-    for key in ("do", "undo"):
-        if isinstance(long.get(key), dict):
-            long[key] = {
-                role: {"command": act} if isinstance(act, str) else act for role, act in long[key].items()
-            }
-    repeat = long.get("repeat")
-    if isinstance(repeat, dict) and isinstance(repeat.get("steps"), list):
-        long["repeat"] = {**repeat, "steps": [_spelt_out(each) for each in repeat["steps"]]}
-    return long

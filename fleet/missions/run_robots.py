@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 
 from fleet.missions.program import Act
-from fleet.missions.state import Begin, Effect, Kind, Member, Note, Outcome, Part
+from fleet.missions.state import Begin, BeginTogether, Effect, Kind, Member, Note, Outcome, Part
 
 HALT_WITHIN = 15.0  # s for a robot to be seen standing after it was told to
 HALT = Act("command", "stop", timeout=HALT_WITHIN)
@@ -58,6 +58,15 @@ class RunRobots:
                 return acts[role][member.plays.get(role, member.index) % len(acts[role])]
         return None
 
+    def acts_of(self, acts: Mapping[str, tuple[Act, ...]]) -> list[tuple[str, Act]]:
+        """Return what each robot that still takes part does of what is said by role."""
+        found = ((each.robot, self.act_of(each, acts)) for each in self.within())
+        return [(robot, act) for robot, act in found if act is not None]
+
+    def names(self, role: str) -> list[str]:
+        """Return the robots of a role, or of all, that still take part."""
+        return [each.robot for each in self.within(None if role == "all" else [role])]
+
     def ours(self) -> list[Member]:
         """Return the robots that may be commanded."""
         return [each for each in self.members.values() if each.ours]
@@ -69,6 +78,19 @@ class RunRobots:
     def parts_of(self, step: str) -> list[Part]:
         """Return what robots did, or do, for one begun step."""
         return [part for part in self.parts.values() if part.step == step and part.kind == "do"]
+
+    def identity(self, step: str, robot: str) -> str:
+        """Return the identity of what a robot first does for a step."""
+        return f"{self.run}/{step}/{robot}/1"
+
+    def begin_together(self, step: str, acts: Iterable[tuple[str, Act]], now: float) -> None:
+        """Begin parts of robots that are prepared, and that are ours, at one instant."""
+        before = len(self.effects)
+        for robot, act in acts:
+            self.begin(step, robot, act, "do", now)
+        begun = [each for each in self.effects[before:] if isinstance(each, Begin)]
+        self.effects = [each for each in self.effects if each not in begun]
+        self.effects.append(BeginTogether(step, tuple(each.part for each in begun)))
 
     def begin(self, step: str, robot: str, act: Act, kind: Kind, now: float, *, attempt: int = 1) -> None:
         """Begin a part of a robot that is ours; one that is not is left alone."""

@@ -40,6 +40,7 @@ from fleet.missions.state import (
     StopAll,
 )
 from fleet.missions.store import About, Kept, Store
+from fleet.missions.together import Together
 from fleet.model.command import Origin, Reply, Transport
 
 log = logging.getLogger(__name__)
@@ -70,6 +71,7 @@ class Runs:
         clock: Clock,
         soon: Callable[[Callable[[], None]], None],
         stop: Callable[[tuple[str, ...], str], None],
+        together: Callable[[], Together],
         told: Callable[[RunState], None],
     ) -> None:
         self.edge = edge
@@ -79,6 +81,7 @@ class Runs:
         self.clock = clock
         self.soon = soon
         self.stop = stop
+        self.together = together
         self._allowed = allowed
         self._told = told
         self._runs: dict[str, Run] = {}
@@ -198,7 +201,7 @@ class Runs:
             began("", roles, refusal)
             return
         self._runs[run.id] = run
-        run.see()
+        run.see(list(run.engine.robots.members))
         run.take(Start(), new=True)
         began(run.id, roles, "")
 
@@ -278,7 +281,7 @@ class Runs:
     def _back(self, run: Run, refused: Mapping[str, str]) -> None:
         """Go on with a run of an earlier process, without those that are gone."""
         self._runs[run.id] = run
-        run.see()
+        run.see(list(run.engine.robots.members))
         for robot, why in refused.items():
             run.take(Left(robot, Outcome.LOST, why))
         run.take(Restarted())

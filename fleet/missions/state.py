@@ -13,7 +13,7 @@ from typing import Literal
 
 import msgspec
 
-from fleet.missions.program import Act, Program
+from fleet.missions.program import Act, Do, Instruction, Program, Require
 
 
 class Outcome(enum.StrEnum):
@@ -180,6 +180,17 @@ class Head(msgspec.Struct):
     reason: str = ""
 
 
+def instruction_of(program: Program, head: Head) -> Instruction | None:
+    """Return the instruction that is under way; None behind the last."""
+    return program.steps[head.at] if head.at < len(program.steps) else None
+
+
+def required(program: Program, head: Head) -> Require:
+    """Return what the step that is under way requires of its robots."""
+    step = instruction_of(program, head)
+    return (isinstance(step, Do) and step.require) or program.require
+
+
 def step_name(program: Program, head: Head) -> str:
     """Return the step that is under way, as parts name it: a repeated one has another number each time."""
     if head.at >= len(program.steps):
@@ -215,6 +226,13 @@ class Prepared(msgspec.Struct, frozen=True):
 
     robot: str
     refusal: str = ""
+
+
+class NotStarted(msgspec.Struct, frozen=True):
+    """The robots of a step that were to begin together do not: nobody has moved."""
+
+    step: str
+    reason: str
 
 
 class Enlisted(msgspec.Struct, frozen=True):
@@ -297,6 +315,7 @@ Event = (
     | Prepared
     | Occupied
     | Enlisted
+    | NotStarted
     | Facts
     | Heard
     | Left
@@ -334,10 +353,18 @@ class Occupy(msgspec.Struct, frozen=True):
 
 
 class Prepare(msgspec.Struct, frozen=True):
-    """Find out whether a robot could do something now; it must not move."""
+    """Let a robot be ready to begin something at the common instant; it must not move before."""
 
     robot: str
     act: Act
+    identity: str
+
+
+class BeginTogether(msgspec.Struct, frozen=True):
+    """Let robots that are prepared begin at one instant, once their parts are recorded."""
+
+    step: str
+    parts: tuple[Part, ...]
 
 
 class Hold(msgspec.Struct, frozen=True):
@@ -369,4 +396,4 @@ class Ended(msgspec.Struct, frozen=True):
     reason: str
 
 
-Effect = Begin | Occupy | Enlist | Dismiss | Prepare | Hold | EmergencyStop | Note | Ended
+Effect = Begin | BeginTogether | Occupy | Enlist | Dismiss | Prepare | Hold | EmergencyStop | Note | Ended

@@ -19,6 +19,7 @@ from fleet.config.missions import Mission, mission_of
 from fleet.config.places import places_of
 from fleet.config.problems import InvalidConfig
 from fleet.errors import Refused, WireError
+from fleet.host.edge.common_start import CommonStart
 from fleet.host.edge.mission_robots import RobotElsewhere, RobotHere, can, trouble
 from fleet.host.edge.mission_starter import MissionStarter
 from fleet.host.process.robot_process import RobotProcess
@@ -88,6 +89,10 @@ class Missions:
         self._checker = ThreadPoolExecutor(1, thread_name_prefix="fleet-mission-check")
         self.store = Store(folder)
         origin = config.site.origin
+
+        def worker_of(robot: str) -> str:
+            return self.runs.robots[robot].state().worker
+
         self.runs = Runs(
             self._edge,
             {**self._here, **self._elsewhere},
@@ -98,6 +103,7 @@ class Missions:
             clock=process.clock,
             soon=self._soon,
             stop=stop,
+            together=lambda: CommonStart(self._edge, self._bus_session, process.clock, worker_of),
             told=self._publish,
         )
         self.starter = MissionStarter(self._missions, self.runs, self._described, process.clock)

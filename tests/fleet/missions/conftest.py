@@ -3,7 +3,18 @@ from hypothesis import settings
 
 from fleet.missions.engine import Engine
 from fleet.missions.program import Act, Do, Program
-from fleet.missions.state import Begin, Ended, Facts, Member, Outcome, Prepare, Replied, Start, Tick
+from fleet.missions.state import (
+    Begin,
+    BeginTogether,
+    Ended,
+    Facts,
+    Member,
+    Outcome,
+    Prepare,
+    Replied,
+    Start,
+    Tick,
+)
 from tests.fleet.missions.yard import Yard
 
 SOAK = 10_000
@@ -43,7 +54,13 @@ class Play:
 
     def begun(self):
         """Return what was begun: robot and words, in order."""
-        return [(each.part.robot, each.part.act.words) for each in self.effects if isinstance(each, Begin)]
+        parts = [
+            part
+            for each in self.effects
+            for part in (each.parts if isinstance(each, BeginTogether) else (getattr(each, "part", None),))
+            if isinstance(each, Begin | BeginTogether)
+        ]
+        return [(part.robot, part.act.words) for part in parts]
 
     def of(self, kind):
         return [each for each in self.effects if isinstance(each, kind)]

@@ -25,6 +25,7 @@ from fleet.missions.state import (
     Abort,
     Answer,
     Begin,
+    BeginTogether,
     Dismiss,
     EmergencyStop,
     Ended,
@@ -35,6 +36,7 @@ from fleet.missions.state import (
     Heard,
     Left,
     Member,
+    NotStarted,
     Occupied,
     Occupy,
     Outcome,
@@ -177,6 +179,7 @@ class Life(RuleBasedStateMachine):
         self.waiting = {}
         self.preparing = {}
         self.occupying = False
+        self.together = ""
         members = [
             Member(robot, role, at, PLAYS.get(robot, {})) for at, (robot, role) in enumerate(ROBOTS.items())
         ]
@@ -211,13 +214,16 @@ class Life(RuleBasedStateMachine):
 
     def check(self, effect):
         match effect:
+            case BeginTogether(_, parts):
+                for part in parts:
+                    self.check(Begin(part))
             case Begin(part):
                 assert part.identity not in self.begun, f"{part.identity} is begun twice"
                 assert part.robot not in self.not_ours, f"{part.robot} is commanded and not ours"
                 assert part.identity in self.parts, f"{part.identity} is not recorded"
                 assert not (self.stopped and part.kind != "halt"), "something follows an emergency stop"
                 self.begun.add(part.identity)
-            case Prepare(robot) | EmergencyStop((robot,)):
+            case Prepare(robot=robot) | EmergencyStop((robot,)):
                 assert robot not in self.not_ours
             case Ended():
                 self.ended.append(effect)
@@ -227,6 +233,10 @@ class Life(RuleBasedStateMachine):
 
     def carry_out(self, effect):
         match effect:
+            case BeginTogether(_, parts):
+                self.together = effect.step
+                for part in parts:
+                    self.carry_out(Begin(part))
             case Begin(part):
                 assert not (self.occupying and part.kind == "do"), (
                     "nothing begins before its places are its own"
@@ -240,7 +250,7 @@ class Life(RuleBasedStateMachine):
                 self.not_ours.add(robot)
             case Occupy():
                 self.occupying = True
-            case Prepare(robot):
+            case Prepare(robot=robot):
                 self.preparing[robot] = effect
             case EmergencyStop(robots):
                 self.not_ours |= set(robots)
@@ -280,6 +290,12 @@ class Life(RuleBasedStateMachine):
         if not refusal:
             self.not_ours.discard(SPARE)
         self.send(Enlisted(SPARE, refusal))
+
+    @precondition(lambda self: self.together)
+    @rule()
+    def nobody_is_started(self):
+        step, self.together = self.together, ""
+        self.send(NotStarted(step, "the instant came before all had taken it"))
 
     @precondition(lambda self: self.occupying)
     @rule(event=st.sampled_from([Occupied(), Occupied(), Occupied("gate"), Occupied(late="no")]))

@@ -38,6 +38,7 @@ class Robot:
         self.told = []
         self.waiting = {}
         self.refuses = {}
+        self.shows = True  # its state says that it has joined a run
         here = Vector3(0.0, 0.0, 0.0)
         self.now = RobotState(
             name,
@@ -58,9 +59,6 @@ class Robot:
     def be(self, **fields):
         self.now = msgspec.structs.replace(self.now, **fields)
 
-    def would_refuse(self, kind, payload, *, way):
-        return self.refuses.get(json.loads(payload)["command"], "")
-
     def read(self, kind, payload, *, way, request_id="", waits=False):
         message = json.loads(payload)
         return Request(lambda answer: self._take(message, way, request_id, answer))
@@ -71,7 +69,7 @@ class Robot:
         if name in self.refuses:
             answer(Reply(name, ReplyStatus.REJECTED, self.refuses[name]))
         elif name == "join_run":
-            self.be(run=message["data"]["run"])
+            self.be(run=message["data"]["run"] if self.shows else "")
             answer(Reply(name, ReplyStatus.ACCEPTED, done=True))
         elif name == "leave_run":
             self.be(run="")
@@ -88,6 +86,39 @@ class Robot:
         return [name for name, _ in self.told if name not in ("join_run", "leave_run")]
 
 
+class Start:
+    """A common start of robots, which the test lets begin, or fail."""
+
+    def __init__(self, yard):
+        self.yard = yard
+        self.prepared = {}
+        self.told = []
+        self.withdrawn = False
+        yard.starts.append(self)
+
+    def prepare(self, robot, kind, payload, *, way, identity, heard):
+        message = json.loads(payload)
+        refusal = self.yard.robots[robot].refuses.get(message["command"])
+        self.prepared[robot] = message, way, identity, heard
+        self.yard.soon.append(
+            lambda: heard(
+                Reply("x", ReplyStatus.REJECTED if refusal else ReplyStatus.ACCEPTED, refusal or "")
+            )
+        )
+
+    def begin(self, robots, failed):
+        self.told, self.fail = list(robots), failed
+
+    def instant(self):
+        """Be the instant at which all begin."""
+        for robot in self.told:
+            self.yard.robots[robot]._take(*self.prepared[robot])
+        self.yard.settle()
+
+    def withdraw(self):
+        self.withdrawn = True
+
+
 class Yard:
     """An edge's runs, whose event loop is the test's own."""
 
@@ -99,6 +130,7 @@ class Yard:
         self.told = []
         self.stopped = []
         self.soon = []
+        self.starts = []
         self.store = None
         self.begin()
 
@@ -127,6 +159,7 @@ class Yard:
             store=self.store,
             clock=self.clock,
             soon=self.soon.append,
+            together=lambda: Start(self),
             stop=lambda robots, why: self.stopped.append(robots),
             told=self.told.append,
         )
