@@ -21,6 +21,7 @@ from fleet.config.checks import (
     Identity,
     check_bus,
     check_followers,
+    check_notify,
     check_robots,
     check_schedules,
     check_stop_inputs,
@@ -162,6 +163,7 @@ def _check_together(document: Document, sections: Sections | None, robots: Mappi
     check_robots(document.data.get("robots"), identities, document)
     check_groups(document.data, document)
     check_stop_inputs(document.data, document)
+    check_notify(document.data, document)
     check_schedules(document.data, document)
     configs = {index: robot.config for index, robot in robots.items()}
     check_followers(configs, document)

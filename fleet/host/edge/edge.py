@@ -19,6 +19,7 @@ from fleet.bus.bus import open_edge
 from fleet.bus.zenoh_session import Query
 from fleet.clock import Clock
 from fleet.config.load import Loaded
+from fleet.config.notify import with_members
 from fleet.config.places import places_of
 from fleet.health.aggregate import edge_health, robots_by_health
 from fleet.health.load import read_load
@@ -141,7 +142,7 @@ class Edge:
         )
         self._expiry = CertificateExpiry(files_of(config.bus.tls), clock)
         self._recall = HistoryService(self.process.history)
-        self._notifier = Notifier(config.notify, config.edge.id, clock)
+        self._notifier = Notifier(with_members(config.notify, config.members), config.edge.id, clock)
         history = self.process.history
         self.schedules = EdgeSchedules(
             config, folder, self.missions.starter, states=self.states, record=history.add, clock=clock
