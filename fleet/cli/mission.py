@@ -20,6 +20,7 @@ from fleet.cli.runs import RUN_FILES, follow, one_run, robot_lines, state_line
 from fleet.cli.send import pair
 from fleet.errors import Refused
 from fleet.missions.report import ControlAsk, MissionState, StartAsk
+from fleet.missions.words import step_of
 
 
 @click.group()
@@ -192,8 +193,8 @@ def story(out: Output, run: str, *, file: str | None) -> ExitCode:
     out.data({"run": state.run, "log": [msgspec.to_builtins(each) for each in lines]})
     for each in lines:
         clock = time.strftime("%H:%M:%S", time.localtime(each.stamp))
-        where = " ".join(word for word in (each.step, each.robot) if word)
-        out.say(f"{clock} {where}{': ' if where else ''}{each.text}")
+        robot, step = f"{each.robot} " if each.robot else "", step_of(each.step)
+        out.say(f"{clock} {robot}{each.text}" + (f" (step {step})" if step else ""))
     return ExitCode.OK
 
 

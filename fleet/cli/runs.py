@@ -10,6 +10,7 @@ from fleet.cli.edges import Edges
 from fleet.cli.output import ExitCode, Output
 from fleet.errors import Refused
 from fleet.missions.report import RunState
+from fleet.missions.words import OUTCOMES, phase_words, step_of
 
 LOOK = 0.5  # s
 RUN_FILES = frozenset({".yaml", ".yml", ".plan", ".json"})
@@ -34,27 +35,30 @@ def one_run(edges: Edges, run: str, *, ended: bool = False) -> RunState:
 
 def state_line(state: RunState) -> str:
     """Return a run in one line."""
-    words = [state.run, state.mission, state.outcome or state.phase]
-    if not state.outcome:
-        words.append(f"step {state.step}, {state.seconds:.0f} s")
+    words = f"run {state.run} of {state.mission} "
+    if state.outcome:
+        words += f"has ended: {state.outcome.replace('_', ' ')}"
+    else:
+        words += f"{phase_words(state.phase, state.step)} ({state.seconds:.0f} s since its start)"
     if state.waits_for:
-        words.append(f"waits for {state.waits_for}")
+        words += f": {state.waits_for}"
     if state.reason:
-        words.append(f"({state.reason})")
+        words += f": {state.reason}"
     if state.question is not None:
-        words.append(
-            f"asks: {state.question.text} [{state.question.seconds:.0f} s, else {state.question.on_timeout}]"
-        )
-    return "  ".join(words) + (f"  {state.problem}" if state.problem else "")
+        left, otherwise = state.question.seconds, state.question.on_timeout
+        words += f". It asks: {state.question.text} Answer within {left:.0f} s, else: {otherwise}"
+    return words + (f". {state.problem}" if state.problem else "")
 
 
 def robot_lines(state: RunState) -> list[str]:
     """Return what each robot of a run does, or how it is out."""
-    return [
-        f"{each.robot} ({each.role}): {each.doing or each.outcome or 'waits'}"
-        + (f": {each.reason}" if each.reason else "")
-        for each in state.robots
-    ]
+    lines = []
+    for each in state.robots:
+        words = OUTCOMES.get(each.outcome, each.outcome) or "waits for its next step"
+        if each.doing:
+            words = "is a spare" if each.doing == "spare" else f"does {each.doing}"
+        lines.append(f"{each.robot} ({each.role}) {words}" + (f": {each.reason}" if each.reason else ""))
+    return lines
 
 
 def follow(out: Output, edges: Edges, run: str) -> ExitCode:
@@ -81,12 +85,14 @@ def follow(out: Output, edges: Edges, run: str) -> ExitCode:
 
 def _tell(out: Output, state: RunState, shown: set[str]) -> None:
     """Show what is new."""
-    lines = [f"step {state.step}: {state.phase}"] if not state.outcome else []
-    if state.waits_for:
-        lines.append(f"waits for {state.waits_for}")
+    run, step = f"the run {phase_words(state.phase, state.step)}", step_of(state.step)
+    lines = [run + (f": {state.waits_for}" if state.waits_for else "")] if not state.outcome else []
     if state.question is not None:
-        lines.append(f"asks: {state.question.text}  fleet mission answer continue|abort {state.run}")
-    lines += [f"step {state.step}: {line}" for line in robot_lines(state) if not line.endswith("waits")]
+        lines.append(f"it asks: {state.question.text}  fleet mission answer continue|abort {state.run}")
+    active = [each for each in state.robots if each.doing and each.doing != "spare"]
+    lines += [
+        f"step {step}: {line}" for line in robot_lines(msgspec.structs.replace(state, robots=tuple(active)))
+    ]
     for line in lines:
         if line not in shown:
             shown.add(line)

@@ -124,7 +124,7 @@ class Engine:
             self.ending.fail(event.late, self._now)
         elif event.waits_for:
             self.head.waits_for = event.waits_for
-            self.robots.note(f"waits for {event.waits_for}")
+            self.robots.note(f"The run waits for {event.waits_for}")
         else:
             self.head.waits_for = ""
             self.steps.go_on()
@@ -176,7 +176,7 @@ class Engine:
         if head.phase not in (Phase.STEP, Phase.WAITING, Phase.ASKING):
             return
         head.paused_from, head.paused_at, head.phase = head.phase, self._now, Phase.PAUSED
-        self.robots.note(f"paused by {event.by or 'somebody'}", step=self.steps.name)
+        self.robots.note(f"{event.by or 'Somebody'} paused the run", step=self.steps.name)
         for member in self.robots.within():
             member.paused_at = self.seen.position(member.robot)
             self.robots.touched[f"member {member.robot}"] = member
@@ -204,7 +204,7 @@ class Engine:
         for part in self.robots.active():
             part.until += paused
             self.robots.touched[part.identity] = part
-        self.robots.note(f"resumed by {event.by or 'somebody'}", step=self.steps.name)
+        self.robots.note(f"{event.by or 'Somebody'} let the run go on", step=self.steps.name)
         self._hold(resumes=True)
         self._go_on_between()
         self.steps.look()
@@ -224,7 +224,7 @@ class Engine:
         if question is None or question.id != event.question or not self._decidable(question):
             return
         what = "continue" if event.goes_on else "abort"
-        self.robots.note(f"answered by {event.by or 'somebody'}: {what}", step=self.steps.name)
+        self.robots.note(f"{event.by or 'Somebody'} answered: {what}", step=self.steps.name)
         self._decide(question, what, event.by)
 
     def _decidable(self, question: Question) -> bool:
@@ -253,7 +253,7 @@ class Engine:
             self.ending.fail(f"the deadline of {deadline:g} s is over", self._now)
         question = head.question
         if question is not None and self._now >= question.until and self._decidable(question):
-            self.robots.note(f"no answer: {question.on_timeout}", step=self.steps.name)
+            self.robots.note(f"Nobody answered in time: {question.on_timeout}", step=self.steps.name)
             self._decide(question, question.on_timeout, "")
         self._time_out()
         self.steps.time_passes()
@@ -281,7 +281,7 @@ class Engine:
             seen = self.seen.words(part.robot)
             reason = f"the edge restarted meanwhile; seen: {seen}"
             self.robots.end(part, Outcome.UNKNOWN, reason, self._now)
-        self.robots.note("the edge restarted", step=self.steps.name)
+        self.robots.note("The edge restarted; what was under way is unknown", step=self.steps.name)
         if self.head.phase not in GOING_ON:
             self.ending.restarted(self._now)
             return

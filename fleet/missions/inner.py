@@ -24,14 +24,14 @@ class InnerMissions:
 
     def enter(self, step: Enter, now: float) -> None:
         """Note that one begins, at the index where the run is."""
-        self._robots.note(f"mission {step.mission} begins", step=step.id)
+        self._robots.note(f"The mission {step.mission} begins", step=step.id)
         self._head.entered[str(self._head.at)] = now
 
     def leave(self, step: Leave) -> None:
         """Note that one is over; one that failed was left off before."""
         if self._head.entered.pop(str(step.enter), None) is not None:
             name = next(each.mission for at, each in self._all if at == step.enter)
-            self._robots.note(f"mission {name} completed", step=step.id)
+            self._robots.note(f"The mission {name} is completed", step=step.id)
 
     def late(self, now: float) -> tuple[int, Enter] | None:
         """Return one whose deadline is over; None while a person has the run, which is not moved on then."""

@@ -78,7 +78,7 @@ class Losses:
     def _fail_mission(self, at: int, inner: Enter, reason: str) -> None:
         """End a mission within the mission: its robots have failed in the step that carries it."""
         why = f"mission {inner.mission} failed: {reason}"
-        self._robots.note(why, step=inner.id)
+        self._robots.note(f"The {why}", step=inner.id)
         self._inner.leave_off(at, inner)
         for member in self._robots.within([inner.role]):
             self._robots.lose(member.robot, Outcome.FAILED, why, self.now)
@@ -125,4 +125,4 @@ def put(
     """Put a question to a person; without an answer ``until`` then, ``on_timeout`` says what follows."""
     head.questions += 1
     head.question = Question(head.questions, text, until, on_timeout, about)
-    robots.note(f"asks: {text}", step=step)
+    robots.note(f"A person is asked: {text}", step=step)

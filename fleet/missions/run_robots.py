@@ -7,6 +7,7 @@ twice.
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
+from types import MappingProxyType
 
 from fleet.missions.program import Act
 from fleet.missions.state import Begin, BeginTogether, Effect, Kind, Member, Note, Outcome, Part
@@ -16,6 +17,19 @@ HALT = Act("command", "stop", timeout=HALT_WITHIN)
 """Ends motion; the robot holds where it is."""
 COMES_DOWN = frozenset({"land", "return_to_home", "sit_down"})
 """Commands that only make a robot safer: they are not broken off by a halt, as the host does not either."""
+_ENDS: Mapping[Outcome, str] = MappingProxyType(
+    {
+        Outcome.DONE: "has finished {}",
+        Outcome.REFUSED: "was refused {}",
+        Outcome.FAILED: "failed in {}",
+        Outcome.LATE: "did not finish {} in time",
+        Outcome.LOST: "was lost in {}",
+        Outcome.TAKEN: "was taken in {}",
+        Outcome.STOPPED: "was stopped in {}",
+        Outcome.SKIPPED: "was ended in {}",
+        Outcome.UNKNOWN: "ended {} in a way that nobody saw",
+    }
+)
 NOT_OURS = frozenset({Outcome.LOST, Outcome.TAKEN, Outcome.STOPPED})
 
 
@@ -112,7 +126,7 @@ class RunRobots:
         self.touched[identity] = part
         self.effects.append(Begin(part))
         if kind != "halt":
-            self.note(f"{act.words} begun", robot, step)
+            self.note(f"begins {act.words}", robot, step)
 
     def halt(self, step: str, robot: str, now: float) -> None:
         """Bring a robot that is ours to a standstill; once is enough while that is under way.
@@ -138,8 +152,8 @@ class RunRobots:
         self._active.pop(part.identity, None)
         self.touched[part.identity] = part
         if part.kind != "halt" or outcome is not Outcome.DONE:
-            words = "stop" if part.kind == "halt" else part.act.words
-            self.note(f"{words} {outcome}" + (f": {reason}" if reason else ""), part.robot, part.step)
+            words = "to stop" if part.kind == "halt" else part.act.words
+            self.note(_ENDS[outcome].format(words) + (f": {reason}" if reason else ""), part.robot, part.step)
 
     def lose(self, robot: str, outcome: Outcome, reason: str, now: float) -> bool:
         """Take a robot out of the run; return whether it was within.
@@ -159,7 +173,7 @@ class RunRobots:
             if part.robot == robot and (part.kind == "do" or outcome in NOT_OURS):
                 self.end(part, outcome, reason, now)
         if was_within:
-            self.note(f"out of the run: {outcome}: {reason}", robot)
+            self.note(f"is out of the run, {outcome}: {reason}", robot)
         return was_within
 
     def spares(self, role: str) -> list[Member]:

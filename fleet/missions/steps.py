@@ -92,7 +92,7 @@ class Steps:
             if step.only_if is not None and not self.seen.holds(
                 step.only_if, self.robots.names(step.only_if.role), 0.0
             ):
-                self.robots.note("skipped", step=self.name)
+                self.robots.note("The step is skipped: its condition does not hold", step=self.name)
                 self.head.at = step.end if isinstance(step, Loop | Enter) else self.head.at + 1
             elif self._begin[type(step)](step):
                 return
@@ -227,7 +227,7 @@ class Steps:
             self.losses.now + seconds,
             self.losses.now,
         )
-        self.robots.note(f"waits, {seconds:g} s at the most", step=self.name)
+        self.robots.note(f"The run waits {seconds:g} s at the most", step=self.name)
         return True
 
     def _ask_step(self, step: Ask) -> bool:

@@ -26,6 +26,7 @@ from fleet.host.process.robot_process import RobotProcess
 from fleet.host.requests.stop_cause import StopCause
 from fleet.host.safety.source_policy import SourcePolicy
 from fleet.host.workers.remote_robot import RemoteRobot
+from fleet.missions.grammar_words import role_words, step_words
 from fleet.missions.points import SiteMap
 from fleet.missions.program import Program
 from fleet.missions.report import (
@@ -360,11 +361,8 @@ def mission_state(mission: Mission, edge: str) -> MissionState:
         edge,
         config.summary,
         {name: _words(each.type, each.unit, each.default) for name, each in config.inputs.items()},
-        {
-            name: f"{role.count.min} to {role.count.max} of {role.from_ or 'any'}"
-            for name, role in config.roles.items()
-        },
-        tuple(step.id for step in config.steps),
+        {name: role_words(role) for name, role in config.roles.items()},
+        tuple(map(step_words, config.steps)),
     )
 
 
