@@ -35,7 +35,9 @@ from fleet.config.drop_in import DropInConfig, asked
 from fleet.config.environment import cloud_from_environment
 from fleet.config.explain import validated, validated_with
 from fleet.config.groups import check_groups, contradiction, said_by_groups
-from fleet.config.missions import Known, Mission, check_missions
+from fleet.config.known import known_of
+from fleet.config.mission_ways import WayCheck
+from fleet.config.missions import Mission, check_missions
 from fleet.config.places import check_places
 from fleet.config.problems import InvalidConfig, Path, Problem
 from fleet.config.schema import FleetConfig, Sections
@@ -124,7 +126,8 @@ def _load(file: pathlib.Path, environ: Mapping[str, str], partial: bool, registr
     sections = _sections(document, context)
     robots = _robots(document, registry, context)
     _check_together(document, sections, robots)
-    missions = check_missions(data, document, file.parent, _known(data))
+    missions = check_missions(data, document, file.parent, known_of(data))
+    _check_ways(document, sections, robots, missions)
     _warn(document, sections, robots)
     problems = tuple(sorted(set(document.problems), key=_place_in_file))
     runnable = _runnable(robots, problems)
@@ -143,20 +146,6 @@ def _load(file: pathlib.Path, environ: Mapping[str, str], partial: bool, registr
     return Loaded(config, registry, runnable, file.parent, given, problems, warnings, tuple(missions))
 
 
-def _known(data: Mapping[str, Any]) -> Known:
-    """Return what a mission may name."""
-    listed = data.get("robots")
-    robots = [
-        robot.get("name") for robot in (listed if isinstance(listed, list) else ()) if isinstance(robot, dict)
-    ]
-    groups = data.get("groups")
-    places = data.get("places")
-    names = [str(name) for name in (*robots, *(groups if isinstance(groups, dict) else ()))]
-    site = data.get("site")
-    on_earth = isinstance(site, dict) and site.get("origin") is not None
-    return Known(names, list(places) if isinstance(places, dict) else [], on_earth=on_earth)
-
-
 def _check_together(document: Document, sections: Sections | None, robots: Mapping[int, _Made]) -> None:
     """Report what is wrong between the parts of a fleet file, each of which is right by itself."""
     identities = {index: robot.identity for index, robot in robots.items() if robot.identity}
@@ -171,6 +160,17 @@ def _check_together(document: Document, sections: Sections | None, robots: Mappi
         check_bus(sections.bus, document)
         check_workers(sections, document)
         check_places(sections.places, configs.values(), sections.site.origin, document)
+
+
+def _check_ways(
+    document: Document, sections: Sections | None, robots: Mapping[int, _Made], missions: Iterable[Mission]
+) -> None:
+    """Report goals of missions that the fences of their robots do not allow."""
+    if sections is not None:
+        configs = [robot.config for robot in robots.values()]
+        check = WayCheck(configs, sections.members, sections.places, sections.site.origin, document)
+        for mission in missions:
+            check.check(mission.config, ("missions", mission.name))
 
 
 def _warn(document: Document, sections: Sections | None, robots: Mapping[int, _Made]) -> None:

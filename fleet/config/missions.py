@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import json
 import pathlib
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from functools import partial
 from typing import Any
 
@@ -34,6 +34,7 @@ from fleet.missions.model import (
 )
 from fleet.missions.program import Program
 from fleet.missions.short_forms import normalised
+from fleet.model.event import EventKind
 
 
 class Mission(msgspec.Struct, frozen=True):
@@ -81,6 +82,12 @@ class Known(msgspec.Struct, frozen=True):
     places: Collection[str] | None = None
     missions: Mapping[str, Mission] | None = None
     on_earth: bool | None = None  # whether the site has an origin
+    events: Collection[str] | None = None
+
+
+def events_of(declared: Iterable[str]) -> list[str]:
+    """Return the events that a mission may wait for: the host's own, and those that fleet.yaml declares."""
+    return [*(kind.value for kind in EventKind), *map(str, declared)]
 
 
 def read_mission(path: pathlib.Path, environ: Mapping[str, str], known: Known) -> Mission:
@@ -89,13 +96,18 @@ def read_mission(path: pathlib.Path, environ: Mapping[str, str], known: Known) -
     return _alone(checked_mission(path.stem, (), document, path.parent, known), document, known)
 
 
-def mission_of(name: str, data: Any, missions: Mapping[str, Mission] | None = None) -> Mission:
+def mission_of(
+    name: str,
+    data: Any,
+    missions: Mapping[str, Mission] | None = None,
+    events: Collection[str] | None = None,
+) -> Mission:
     """Return a mission that came over the bus, its files in it; raises InvalidConfig.
 
-    ``missions`` are those that may be carried out within it.
+    ``missions`` are those that may be carried out within it, ``events`` those that it may wait for.
     """
     document = read_data(data)
-    known = Known(missions=missions)
+    known = Known(missions=missions, events=events)
     return _alone(checked_mission(name, (), document, None, known), document, known)
 
 
@@ -299,8 +311,13 @@ class _Check:
 
     def _condition(self, condition: ConditionConfig | None, where: Path) -> None:
         """Check whose condition it is."""
-        if condition is not None:
-            self._role(condition.role, (*where, "role"))
+        if condition is None:
+            return
+        self._role(condition.role, (*where, "role"))
+        event, known = condition.event, self._known.events
+        if event is not None and known is not None and event not in known:
+            hint = nearest(event, known) or "name it under events: in fleet.yaml, where a program reports it"
+            self.report((*where, "event"), f"nobody reports the event {event!r}", hint)
 
     def _act(self, act: ActConfig, role: str, where: Path) -> None:
         """Check what one role does."""

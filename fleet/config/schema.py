@@ -315,6 +315,11 @@ class Sections(Model):
     missions: dict[Name, Any] = Field(
         {}, description="What groups of robots shall do; docs/how-to/missions.md has the grammar."
     )
+    events: tuple[Name, ...] = Field(
+        (),
+        description="Events that programs on the bus report of robots, such as person_seen: missions may "
+        "wait for them, as they may for those of `fleet history`.",
+    )
     schedules: dict[Name, ScheduleConfig] = Field(
         {}, description="When missions start by themselves (docs/how-to/groups.md)."
     )

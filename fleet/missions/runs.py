@@ -21,7 +21,7 @@ from fleet.errors import Refused
 from fleet.missions.engine import Engine
 from fleet.missions.filling import Filling, members_of, needs_of
 from fleet.missions.points import SiteMap
-from fleet.missions.program import Program
+from fleet.missions.program import Act, Do, Program
 from fleet.missions.report import ControlAsk, RunState, StartAsk, state_of
 from fleet.missions.roles import Candidate, spare_of
 from fleet.missions.run import Robot, Run
@@ -57,7 +57,10 @@ Began = Callable[[str, Mapping[str, Sequence[str]], str], None]
 
 
 class Runs:
-    """Every run of an edge. ``candidates`` tells what each robot can and is now."""
+    """Every run of an edge. ``candidates`` tells what each robot can and is now.
+
+    ``hindrance`` says why a robot must not do something, whenever that is; empty for nothing.
+    """
 
     def __init__(
         self,
@@ -66,6 +69,7 @@ class Runs:
         *,
         candidates: Callable[[], list[Candidate]],
         allowed: Allowed,
+        hindrance: Callable[[str, Act], str],
         site: SiteMap,
         store: Store,
         clock: Clock,
@@ -83,6 +87,7 @@ class Runs:
         self.stop = stop
         self.together = together
         self._allowed = allowed
+        self._hindrance = hindrance
         self._told = told
         self._runs: dict[str, Run] = {}
         self._places = RunPlaces(site.places, self._runs.get, clock)
@@ -132,6 +137,8 @@ class Runs:
             self._places.require(program)
             roles = self.filling.fill(mission, program, ask)
             self._require_authority(program, roles, Origin(way, ask.source_type, ask.session_id))
+            engine = Engine(run, program, members_of(program, roles))
+            self._require_ways(engine)
         except Refused as error:
             began("", {}, str(error))
             return
@@ -145,7 +152,7 @@ class Runs:
             ask.source_type,
             dict(ask.inputs),
         )
-        made = Run(about, Engine(run, program, members_of(program, roles)), self)
+        made = Run(about, engine, self)
         self._join(made, partial(self._joined, made, roles, began))
 
     def _require_authority(
@@ -160,6 +167,17 @@ class Runs:
                 refusal = self._allowed(robot, origin, True, leads)
                 if refusal:
                     raise Refused(f"{robot}: {refusal}")
+
+    def _require_ways(self, engine: Engine) -> None:
+        """Raise Refused for a step that leads a robot where it must not go, before anything moves."""
+        robots = engine.robots
+        for step in engine.program.steps:
+            acts = step.acts if isinstance(step, Do) else {}
+            for member in robots.members.values():
+                act = robots.act_of(member, acts)
+                trouble = self._hindrance(member.robot, act) if act is not None else ""
+                if trouble:
+                    raise Refused(f"{member.robot}: step {step.id}: {trouble}")
 
     def _join(self, run: Run, done: Callable[[dict[str, str]], None]) -> None:
         """Have every robot of a run that is ours join it; ``done`` hears who did not, and why."""

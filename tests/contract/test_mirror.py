@@ -77,6 +77,7 @@ ELSEWHERE = {
     "link/canbus/frame.py": "fleet/link/canbus/test_raw.py",
     "link/resolve.py": "fleet/link/test_tcp.py",
     "link/stream.py": "fleet/link/test_latest_motion.py",
+    "config/known.py": "fleet/config/test_missions.py",
     "missions/inner.py": "fleet/missions/test_steps.py",
     "missions/losses.py": "fleet/missions/test_steps.py",
     "missions/observed.py": "fleet/missions/test_run.py",

@@ -15,20 +15,21 @@ import msgspec
 from fleet.bus import keys
 from fleet.bus.zenoh_session import Query
 from fleet.config.load import Loaded
-from fleet.config.missions import Mission, mission_of
+from fleet.config.missions import Mission, events_of, mission_of
 from fleet.config.places import places_of
 from fleet.config.problems import InvalidConfig
 from fleet.errors import Refused, WireError
 from fleet.host.edge.common_start import CommonStart
 from fleet.host.edge.mission_robots import RobotElsewhere, RobotHere, can, trouble
 from fleet.host.edge.mission_starter import MissionStarter
+from fleet.host.edge.mission_ways import WayCheck
 from fleet.host.process.robot_process import RobotProcess
 from fleet.host.requests.stop_cause import StopCause
 from fleet.host.safety.source_policy import SourcePolicy
 from fleet.host.workers.remote_robot import RemoteRobot
 from fleet.missions.grammar_words import role_words, step_words
 from fleet.missions.points import SiteMap
-from fleet.missions.program import Program
+from fleet.missions.program import Act, Program
 from fleet.missions.report import (
     ControlAsk,
     Controlled,
@@ -76,6 +77,7 @@ class Missions:
         self._edge = config.edge.id
         self._missions = {mission.name: mission for mission in loaded.missions}
         self._groups = config.members
+        self._events = events_of(config.events)
         self._bus_session = process.bus.control
         self._process = process
         self._here = {name: RobotHere(robot) for name, robot in process.robots.items()}
@@ -90,6 +92,11 @@ class Missions:
         self._checker = ThreadPoolExecutor(1, thread_name_prefix="fleet-mission-check")
         self.store = Store(folder)
         origin = config.site.origin
+        site = SiteMap(places_of(config.places), GeoOrigin(*origin) if origin is not None else None)
+        ways = {robot.name: WayCheck(robot, site) for robot, _ in loaded.robots}
+
+        def hindrance(robot: str, act: Act) -> str:
+            return ways[robot].trouble(act, self.runs.robots[robot].state())
 
         def worker_of(robot: str) -> str:
             return self.runs.robots[robot].state().worker
@@ -99,7 +106,8 @@ class Missions:
             {**self._here, **self._elsewhere},
             candidates=self._candidates,
             allowed=self._refusal,
-            site=SiteMap(places_of(config.places), GeoOrigin(*origin) if origin is not None else None),
+            site=site,
+            hindrance=hindrance,
             store=self.store,
             clock=process.clock,
             soon=self._soon,
@@ -301,7 +309,7 @@ class Missions:
     def _mission(self, name: str, ask: StartAsk) -> Mission:
         """Return the mission that is meant; raises Refused, InvalidConfig."""
         if ask.mission is not None:
-            return mission_of(name, ask.mission, self._missions)
+            return mission_of(name, ask.mission, self._missions, self._events)
         mission = self._missions.get(name)
         if mission is None:
             known = ", ".join(self._missions) or "none"

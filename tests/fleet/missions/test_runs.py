@@ -210,3 +210,10 @@ def test_what_is_refused_anyway_has_no_run_in_its_way(yard):
     other = mission_of("patrol", {**MISSION, "rehearse": "required"})
     with pytest.raises(Refused, match="rehearsed"):
         yard.runs.filling.in_the_way(other, other.program({}), StartAsk(run="77"))
+
+
+def test_a_step_that_leads_a_robot_through_its_fence_is_refused_before_anything_moves(yard):
+    yard.hindered["beast", "goto"] = "goal 1 is outside the fence"
+    ((run, _, refusal),) = yard.start()
+    assert (run, refusal) == ("", "beast: step go: goal 1 is outside the fence")
+    assert all(robot.told == [] for robot in yard.robots.values())

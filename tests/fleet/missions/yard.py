@@ -131,6 +131,7 @@ class Yard:
         self.stopped = []
         self.soon = []
         self.starts = []
+        self.hindered = {}
         self.store = None
         self.begin()
 
@@ -159,6 +160,7 @@ class Yard:
             store=self.store,
             clock=self.clock,
             soon=self.soon.append,
+            hindrance=lambda robot, act: self.hindered.get((robot, act.words), ""),
             together=lambda: Start(self),
             stop=lambda robots, why: self.stopped.append(robots),
             told=self.told.append,

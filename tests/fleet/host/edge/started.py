@@ -104,6 +104,7 @@ async def main(folder, began, trigger, kill):
             store=store,
             clock=clock,
             soon=loop.call_soon_threadsafe,
+            hindrance=lambda *_: "",
             together=None,
             stop=lambda *_: None,
             told=lambda _: None,
