@@ -22,7 +22,7 @@ import psutil
 from bench.common import cpu_seconds, line, quantiles, twin_of
 from fleet import Vector3, Velocity
 from fleet.clock import SystemClock
-from fleet.link.canbus.bus import Bus
+from fleet.link.canbus.bus import OpenCanBus
 from fleet.model.report import Report
 from fleet.testing.robot import RecordingRobot, serve
 from fleet_quadruped import QuadrupedAdapter, QuadrupedConfig
@@ -75,7 +75,7 @@ class Script:
 
 def controller(url: str, seconds: float) -> None:
     clock = SystemClock()
-    bus = Bus("a", url, 1_000_000, clock)
+    bus = OpenCanBus("a", url, 1_000_000, clock)
     script = Script(seconds)
     script.controller = Timed(DOG, {"a": bus})
     script.controller.drives.configure()

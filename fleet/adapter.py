@@ -30,6 +30,7 @@ from fleet.model.joints import JointRange
 from fleet.model.navigation import Progress, Task
 from fleet.model.report import Report
 from fleet.robot_config import AdapterConfig, Limits, Separation
+from fleet.simulation import Simulation, SimulationStart
 
 __all__ = [
     "Adapter",
@@ -114,10 +115,16 @@ class Robot(Protocol):
         """
 
 
+ADAPTER_API = 1
+"""The version of this API. An adapter written for another one is refused when it is loaded; a change that
+breaks adapters raises it, and the version before is accepted, with a warning, for one minor release."""
+
+
 class AdapterBase(ABC, Generic[ConfigT]):
     """The declarations that both kinds of adapter share."""
 
     Config: ClassVar[type[AdapterConfig]]
+    api: ClassVar[int] = 1  # the version of this API that the adapter was written for, as in ADAPTER_API
     limits: ClassVar[Limits] = Limits()
     separation: ClassVar[Separation] = Separation(radius=1.0, braking=0.5, precedence=2)
     holonomic: ClassVar[bool] = False  # it also moves sideways; else such velocities are refused
@@ -135,6 +142,15 @@ class AdapterBase(ABC, Generic[ConfigT]):
     def commands(cls) -> Mapping[str, CommandSpec]:
         """Return the declared commands by name."""
         return commands_of(cls)
+
+    @staticmethod
+    def simulation(config: Any, start: SimulationStart) -> Simulation | None:  # noqa: ARG004 - for overriders
+        """Return the simulated robot that takes the robot's place in a rehearsal.
+
+        None: there is none that runs in simulated time, and a kinematic stand-in takes its place. Raises
+        Refused where it cannot begin as the robot stands now.
+        """
+        return None
 
     @classmethod
     def drives(cls) -> bool:
@@ -247,13 +263,22 @@ class Send(msgspec.Struct, frozen=True):
     frame: bytes
 
 
+class Until(msgspec.Struct, frozen=True):
+    """A command of a FrameAdapter goes on once ``seen()`` is True; it is asked after each decoded frame.
+
+    What the command yields after it is written then; after the last one, the command is done.
+    """
+
+    seen: Callable[[], bool]
+
+
 class FrameAdapter(AdapterBase[ConfigT]):
     """A robot that speaks frames over a link: pure translation, no I/O, no clock, no task.
 
     ``Config`` must have a ``link`` field. The host opens it, cuts the bytes into frames by ``framing``,
     calls back, writes what is yielded, repeats the last velocity every ``repeat`` seconds while its lease
     lives, and calls ``tick`` every ``tick_every`` seconds. A command is a method marked ``@command`` that
-    yields its frames.
+    yields its frames, and ``Until`` where it has to wait for what the robot reports.
     """
 
     framing: ClassVar[Framing] = LineFraming()
@@ -280,8 +305,11 @@ class FrameAdapter(AdapterBase[ConfigT]):
         raise Unsupported(f"{type(self).__name__} takes no joint targets")
 
     @abstractmethod
-    def decode(self, frame: bytes, stamp: float) -> Iterable[Report | Send]:
-        """Yield what one frame says, measured at ``stamp`` (Unix s); nothing for noise."""
+    def decode(self, frame: bytes, stamp: float) -> Iterable[Report | Send | Health]:
+        """Yield what one frame says, measured at ``stamp`` (Unix s); nothing for noise.
+
+        A ``Health`` counts until the next one; a robot that never yields one is ok while it is understood.
+        """
 
     @abstractmethod
     def halt(self) -> Iterable[bytes]:

@@ -14,7 +14,7 @@ import msgspec
 import msgspec.inspect
 
 from fleet.errors import Refused
-from fleet.runtime.decoding import convert, json_decoder
+from fleet.runtime.decoding import convert_strictly, json_decoder
 
 MethodT = TypeVar("MethodT", bound=Callable[..., Any])
 _MARK = "__fleet_commands__"
@@ -229,7 +229,7 @@ def arguments(spec: CommandSpec, data: Mapping[str, object]) -> dict[str, object
         if key not in known:
             raise Refused(f"{spec.name} takes no {key!r}", hint=_hint(spec, key))
     try:
-        values = convert(dict(data), spec.parameters)
+        values = convert_strictly(dict(data), spec.parameters)
     except msgspec.ValidationError as error:
         raise Refused(f"{spec.name}: {_plainly(str(error), spec)}") from None
     found = {name: getattr(values, name) for name in known}

@@ -18,11 +18,19 @@ from typing import ClassVar, Literal
 from pydantic import Field
 
 from fleet import Limits
-from fleet_ugv import UgvAdapter, UgvConfig
-from fleet_ugv.battery import THREE_LITHIUM
-from fleet_ugv.codecs.base import Codec
-from fleet_ugv.model import Confirmed, Event, Feedback, Motion, Wheels
-from fleet_ugv.profiles import BaseProfile, CodecSettings
+from fleet_ugv import (
+    THREE_LITHIUM,
+    BaseProfile,
+    Codec,
+    CodecSettings,
+    Confirmed,
+    Event,
+    Feedback,
+    Motion,
+    UgvAdapter,
+    UgvConfig,
+    Wheels,
+)
 
 ADDRESS = 0x80
 SET_TIMEOUT, GET_TIMEOUT, GET_VOLTS, SPEEDS, COUNTERS = 14, 15, 24, 37, 78

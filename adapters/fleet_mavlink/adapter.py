@@ -12,16 +12,18 @@ from fleet import (
     Health,
     Level,
     Limits,
+    LinkError,
     NotReady,
     Progress,
     Range,
     Refused,
+    Separation,
+    Simulation,
+    SimulationStart,
     Task,
     Velocity,
     command,
 )
-from fleet.errors import LinkError
-from fleet.robot_config import Separation
 from fleet.sim.process import SimProcess
 from fleet_mavlink.config import MavlinkConfig
 from fleet_mavlink.constants import Landed
@@ -44,6 +46,13 @@ _ASKED = _TAKE_OVER | {GENTLE, "pause"}
 """The stops that somebody asked for; the others are the host's own, when something failed or ends."""
 
 
+def _simulation(config: MavlinkConfig, start: SimulationStart) -> Simulation:
+    """Return the simulated vehicle of a rehearsal; raises Refused."""
+    from fleet_mavlink.sim.rehearsed import simulated_vehicle  # noqa: PLC0415 - it is slow to import
+
+    return simulated_vehicle(config, start)
+
+
 class MavlinkAdapter(PayloadCommands, UpkeepCommands):
     """A multirotor on ArduPilot or PX4; which of them it is makes no difference to who commands it."""
 
@@ -54,13 +63,16 @@ class MavlinkAdapter(PayloadCommands, UpkeepCommands):
     failsafe = "the autopilot holds 1 to 3 s after the last velocity (docs/how-to/drone-safety.md)"
     separation: ClassVar[Separation] = Separation(radius=1.5, braking=1.5, precedence=3)
 
+    simulation = staticmethod(_simulation)
+
     _hub: LinkHub
     _sim: SimProcess | None = None  # of a simulated vehicle
 
     async def connect(self) -> None:
         """Open the link, or share it; raises LinkLost or LinkRefused."""
         config, robot = self.config, self.robot
-        robot.health(Health(Level.OFFLINE, f"no heartbeat from system {config.system_id} yet"))
+        where = f"system {config.system_id} on {config.link}"
+        robot.health(Health(Level.OFFLINE, f"no heartbeat from {where} yet"))
         urls = [config.link, *config.backup_links]
         if config.simulated:
             self._sim = await robot.enter(robot.share(_SIMULATOR, lambda: SimProcess(_SIMULATOR)))

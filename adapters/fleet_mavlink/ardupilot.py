@@ -5,8 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import ClassVar
 
-from fleet import Refused
-from fleet.model.geodesy import GeoPoint
+from fleet import GeoPoint, Refused
 from fleet_mavlink.ardupilot_kinds import ArduPilotKind
 from fleet_mavlink.constants import AUTOPILOT, MAG_CAL_SUCCESS, Cmd, Frame
 from fleet_mavlink.flavour import CalibrationStep, Flavour

@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 from collections.abc import Callable, Iterator, Mapping
 
-from fleet.errors import CommandError
+from fleet import CommandError
 from fleet_mavlink.flavour import Flavour
 from fleet_mavlink.state import VehicleState
 

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from fleet import NotReady, Refused, TimedOut
-from fleet.errors import CommandError
+from fleet import CommandError, NotReady, Refused, TimedOut
 from fleet_mavlink.commander import Commander, Superseded
 from fleet_mavlink.flavour import arm_command
 from fleet_mavlink.messages import Ask

@@ -14,8 +14,7 @@ from typing import Self
 
 import msgspec
 
-from fleet import GeoOrigin, GeoPoint, NotReady, Refused, TimedOut, Unsupported
-from fleet.model.geodesy import world_from_geo
+from fleet import GeoOrigin, GeoPoint, NotReady, Refused, TimedOut, Unsupported, world_from_geo
 from fleet_mavlink.constants import Cmd, Result, result_name
 from fleet_mavlink.messages import (
     Ask,

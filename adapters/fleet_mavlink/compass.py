@@ -6,8 +6,7 @@ import asyncio
 import contextlib
 from collections.abc import AsyncIterator
 
-from fleet import Progress, Refused, TimedOut
-from fleet.errors import CommandError, LinkError
+from fleet import CommandError, LinkError, Progress, Refused, TimedOut
 from fleet_mavlink.flight import Flight
 from fleet_mavlink.messages import MavlinkMessage
 from fleet_mavlink.payload_messages import MagCalProgress, MagCalReport

@@ -6,9 +6,7 @@ from typing import Annotated, Literal
 
 from pydantic import AfterValidator, Field, SecretStr, field_validator
 
-from fleet import AdapterConfig, LinkRefused
-from fleet.link.url import parse
-from fleet.robot_config import Model
+from fleet import AdapterConfig, LinkRefused, Model, parse_link_url
 from fleet_mavlink.failsafes import Keeping, LinkLoss
 from fleet_mavlink.sim.spec import SimSpec
 
@@ -19,7 +17,7 @@ def _checked_link(text: str) -> str:
         SimSpec.parse(text)
         return text
     try:
-        parse(text)
+        parse_link_url(text)
     except LinkRefused as error:
         raise ValueError(str(error)) from None
     return text

@@ -8,7 +8,7 @@ import os
 import tempfile
 from pathlib import Path
 
-from fleet.errors import CommandError
+from fleet import CommandError
 from fleet_mavlink.constants import PX4
 from fleet_mavlink.events import PATH, EventDictionary
 from fleet_mavlink.files import FtpClient

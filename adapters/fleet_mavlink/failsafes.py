@@ -13,8 +13,7 @@ from typing import Literal
 
 import msgspec
 
-from fleet import NotReady, Refused
-from fleet.errors import CommandError
+from fleet import CommandError, NotReady, Refused
 from fleet_mavlink.parameters import Parameters
 from fleet_mavlink.preconditions import require_connection
 from fleet_mavlink.state import VehicleState

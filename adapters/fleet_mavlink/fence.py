@@ -8,10 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
 
-from fleet import GeoOrigin, GeoPoint, Limits, Refused, Vector3
-from fleet.errors import CommandError
-from fleet.model.geodesy import geo_from_world
-from fleet.robot_config import FenceConfig
+from fleet import CommandError, FenceConfig, GeoOrigin, GeoPoint, Limits, Refused, Vector3, geo_from_world
 from fleet_mavlink.constants import Cmd, Frame
 from fleet_mavlink.mission import is_same
 from fleet_mavlink.mission_messages import MissionItemInt

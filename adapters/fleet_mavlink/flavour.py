@@ -8,14 +8,7 @@ from typing import ClassVar
 
 import msgspec
 
-from fleet.model.geodesy import GeoPoint
-from fleet.model.geometry import (
-    Vector3,
-    Velocity,
-    enu_yaw_from_heading,
-    ned_from_enu,
-    rotate_to_world,
-)
+from fleet import GeoPoint, Vector3, Velocity, enu_yaw_from_heading, ned_from_enu, rotate_to_world
 from fleet_mavlink.constants import AUTOPILOT, FORCE, Cmd, Frame
 from fleet_mavlink.messages import (
     CommandInt,

@@ -7,9 +7,18 @@ import math
 from collections.abc import AsyncIterator, Callable
 from contextlib import suppress
 
-from fleet import Fault, GeoOrigin, GeoPoint, Limits, NotReady, Progress, Refused, TimedOut
-from fleet.errors import CommandError
-from fleet.model.geodesy import world_from_geo
+from fleet import (
+    CommandError,
+    Fault,
+    GeoOrigin,
+    GeoPoint,
+    Limits,
+    NotReady,
+    Progress,
+    Refused,
+    TimedOut,
+    world_from_geo,
+)
 from fleet_mavlink.authority import Authority
 from fleet_mavlink.commander import Commander
 from fleet_mavlink.constants import Cmd, Frame

@@ -4,9 +4,7 @@ from __future__ import annotations
 
 import math
 
-from fleet import GeoOrigin, Pose
-from fleet.model.geodesy import world_from_geo
-from fleet.model.geometry import Vector3, enu_rotation_from_ned
+from fleet import GeoOrigin, Pose, Vector3, enu_rotation_from_ned, world_from_geo
 from fleet_mavlink.state import VehicleState
 
 

@@ -8,8 +8,7 @@ from collections.abc import Awaitable, Callable
 
 import msgspec
 
-from fleet import NotReady, Refused, TimedOut, Unsupported
-from fleet.errors import CommandError, FleetError
+from fleet import CommandError, FleetError, NotReady, Refused, TimedOut, Unsupported
 from fleet_mavlink.commander import Commander
 from fleet_mavlink.constants import NAN, Cmd
 from fleet_mavlink.messages import CommandLong

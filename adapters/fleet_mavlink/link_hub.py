@@ -11,8 +11,7 @@ from typing import Any
 
 import msgspec
 
-from fleet import Clock, LinkLost, LinkRefused
-from fleet.link.base import Address, Link
+from fleet import Address, Clock, Link, LinkLost, LinkRefused
 from fleet_mavlink.authentication import Trust
 from fleet_mavlink.codec import PLAIN, Frame, FrameSettings, Packer, Parser, pack
 from fleet_mavlink.constants import AUTOPILOT, NO_AUTOPILOT

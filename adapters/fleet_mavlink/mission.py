@@ -7,10 +7,17 @@ from collections.abc import AsyncIterator, Mapping, Sequence
 
 import msgspec
 
-from fleet import FlyMission, GeoOrigin, GeoPoint, Limits, Progress, Refused
-from fleet.errors import CommandError
-from fleet.model.geodesy import world_from_geo
-from fleet.model.navigation import PlanItem
+from fleet import (
+    CommandError,
+    FlyMission,
+    GeoOrigin,
+    GeoPoint,
+    Limits,
+    PlanItem,
+    Progress,
+    Refused,
+    world_from_geo,
+)
 from fleet_mavlink.constants import Cmd, Frame
 from fleet_mavlink.flavour import Flavour
 from fleet_mavlink.flight import Flight

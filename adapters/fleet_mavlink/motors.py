@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
-from fleet.model.report import JointReport
+from fleet import JointReport
 from fleet_mavlink.onboard_sensors import OnboardSensors
 
 _FRESH = 3.0  # s for which a speed is told

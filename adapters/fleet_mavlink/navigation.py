@@ -9,6 +9,8 @@ from collections.abc import AsyncIterator
 import msgspec
 
 from fleet import (
+    CommandError,
+    Constraints,
     FollowPath,
     GeoOrigin,
     GeoPoint,
@@ -21,11 +23,12 @@ from fleet import (
     RelativeMove,
     TimedOut,
     Vector3,
+    geo_from_world,
+    heading_from_enu_yaw,
+    rotate_to_world,
+    world_from_geo,
+    wrap_angle,
 )
-from fleet.errors import CommandError
-from fleet.model.geodesy import geo_from_world, world_from_geo
-from fleet.model.geometry import heading_from_enu_yaw, rotate_to_world, wrap_angle
-from fleet.model.navigation import Constraints
 from fleet_mavlink.flight import FARTHEST, Flight, is_standing
 from fleet_mavlink.frames import pose_of
 from fleet_mavlink.preconditions import known_heading, known_position, require_flying

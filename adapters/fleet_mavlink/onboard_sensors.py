@@ -8,8 +8,7 @@ from typing import Any
 
 import msgspec
 
-from fleet.model.geodesy import GeoPoint
-from fleet.model.geometry import Quaternion, Vector3
+from fleet import GeoPoint, Quaternion, Vector3
 from fleet_mavlink.messages import MavlinkMessage, PositionTargetGlobalInt
 from fleet_mavlink.payload_messages import (
     EscTelemetry1To4,

@@ -6,8 +6,7 @@ import re
 from collections.abc import Mapping
 from typing import ClassVar
 
-from fleet import Refused
-from fleet.model.geodesy import GeoPoint
+from fleet import GeoPoint, Refused
 from fleet_mavlink.constants import NAN, Cmd, Frame
 from fleet_mavlink.flavour import CalibrationStep, Flavour
 from fleet_mavlink.messages import CommandInt, CommandLong, MavlinkMessage

@@ -7,8 +7,7 @@ from collections.abc import Iterable
 
 import msgspec
 
-from fleet import Refused
-from fleet.errors import CommandError
+from fleet import CommandError, Refused
 from fleet_mavlink.constants import Cmd
 from fleet_mavlink.failsafe_causes import position_troubles
 from fleet_mavlink.flavour import Flavour

@@ -14,10 +14,7 @@ from functools import partial
 
 import msgspec
 
-from fleet import LinkLost, open_link
-from fleet.errors import LinkError
-from fleet.link.backoff import backoff
-from fleet.link.base import Address, Link, Receiver
+from fleet import Address, Link, LinkError, LinkLost, Receiver, backoff, open_link
 
 _LOG = logging.getLogger(__name__)
 _LONGEST = 5.0  # s, longest delay between attempts to reopen a link

@@ -6,15 +6,16 @@ from collections.abc import Callable, Mapping
 
 import msgspec
 
-from fleet import GeoOrigin, Robot
-from fleet.model.report import (
+from fleet import (
     FlightControllerReport,
+    GeoOrigin,
     GpsReport,
     ImuReport,
     JointReport,
     MetricsReport,
     PoseReport,
     Report,
+    Robot,
     TelemetryReport,
 )
 from fleet_mavlink import reports

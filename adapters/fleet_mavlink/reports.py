@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 
-from fleet import GeoOrigin
-from fleet.model.report import (
+from fleet import (
     BatteryReport,
     FlightControllerReport,
     FlightStateReport,
+    GeoOrigin,
     GpsReport,
     ImuReport,
     LogReport,

@@ -5,8 +5,18 @@ from __future__ import annotations
 import asyncio
 from collections.abc import Awaitable
 
-from fleet import GeoOrigin, Health, Level, Limits, LinkLost, Refused, Robot, Unsupported, Vector3
-from fleet.errors import CommandError
+from fleet import (
+    CommandError,
+    GeoOrigin,
+    Health,
+    Level,
+    Limits,
+    LinkLost,
+    Refused,
+    Robot,
+    Unsupported,
+    Vector3,
+)
 from fleet_mavlink.authentication import FALSE, UNSIGNED
 from fleet_mavlink.authority import Authority
 from fleet_mavlink.braking import Brakes

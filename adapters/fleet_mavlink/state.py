@@ -8,8 +8,7 @@ from typing import Any
 
 import msgspec
 
-from fleet.model.geodesy import GeoPoint
-from fleet.model.geometry import Vector3
+from fleet import GeoPoint, Vector3
 from fleet_mavlink.constants import (
     ARMED_FLAG,
     FIX_TYPES,

@@ -9,7 +9,7 @@ import asyncio
 import math
 from collections.abc import Mapping
 
-from fleet.errors import CommandError
+from fleet import CommandError
 from fleet_mavlink import payload_messages
 from fleet_mavlink.commander import Commander
 from fleet_mavlink.constants import AUTOPILOT, Cmd

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from collections.abc import AsyncIterator
 
-from fleet import Fault, GeoPoint, Progress, Refused, TimedOut
-from fleet.errors import CommandError
+from fleet import CommandError, Fault, GeoPoint, Progress, Refused, TimedOut
 from fleet_mavlink.constants import Landed
 from fleet_mavlink.flight import LOWEST, Flight, height_of, is_standing
 from fleet_mavlink.parameters import Parameters

@@ -10,8 +10,7 @@ from collections import deque
 from collections.abc import Callable, Iterable, Iterator
 from typing import Any
 
-from fleet.clock import Clock
-from fleet.link.base import Address
+from fleet import Address, Clock
 from fleet_mavlink.authentication import Trust
 from fleet_mavlink.constants import CAMERA_TYPE, CAMERAS, NO_AUTOPILOT, type_name
 from fleet_mavlink.event_messages import Event

@@ -7,9 +7,7 @@ import enum
 import math
 from collections.abc import Awaitable, Callable
 
-from fleet import NotReady, Refused, Vector3, Velocity
-from fleet.errors import FleetError
-from fleet.model.geometry import ZERO_VELOCITY
+from fleet import ZERO_VELOCITY, FleetError, NotReady, Refused, Vector3, Velocity
 from fleet_mavlink.authority import Authority
 from fleet_mavlink.flavour import Flavour, ned_setpoint, setpoint
 from fleet_mavlink.preconditions import require_flying

@@ -11,9 +11,11 @@ from typing import Annotated
 import msgspec
 
 from fleet import (
+    ZERO_VELOCITY,
     Adapter,
     Fault,
     Health,
+    JointRange,
     Level,
     Limits,
     LinkLost,
@@ -22,15 +24,13 @@ from fleet import (
     Range,
     Refused,
     Robot,
+    Separation,
     TimedOut,
     Unsupported,
     Velocity,
     command,
+    photograph,
 )
-from fleet.camera.picture import photograph
-from fleet.model.geometry import ZERO_VELOCITY
-from fleet.model.joints import JointRange
-from fleet.robot_config import Separation
 from fleet_quadruped.any_description import AnyBody, load_body
 from fleet_quadruped.body.machine import BodyRequest
 from fleet_quadruped.body.posing import window

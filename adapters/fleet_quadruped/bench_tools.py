@@ -7,10 +7,7 @@ from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import NamedTuple
 
-from fleet.clock import Clock
-from fleet.errors import LinkRefused
-from fleet.link.canbus.bus import Bus
-from fleet.link.canbus.frame import CanBus, CanFrame
+from fleet import CanBus, CanFrame, Clock, LinkRefused, OpenCanBus
 from fleet_quadruped.can.bus_guard import require_sole_controller
 from fleet_quadruped.drives import drives_of
 from fleet_quadruped.drives.base import HOLDING, JointFeedback, Power
@@ -45,7 +42,7 @@ def open_buses(
     with contextlib.ExitStack() as stack:
         buses: dict[str, CanBus] = {}
         for name, url in urls.items():
-            bus = Bus(name, url, described[name].bitrate, clock, described[name].data_bitrate)
+            bus = OpenCanBus(name, url, described[name].bitrate, clock, described[name].data_bitrate)
             stack.callback(bus.close)
             buses[name] = bus
         yield buses

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from fleet import Quaternion
-from fleet.clock import Clock
+from fleet import Clock, Quaternion
 from fleet_quadruped.body.machine import BodyRequest
 from fleet_quadruped.body.probing import HOLD_TIME, look_times
 from fleet_quadruped.commissioning import Observation

@@ -9,9 +9,7 @@ from pathlib import Path
 
 import click
 
-from fleet.clock import SystemClock
-from fleet.errors import ConfigError, LinkRefused
-from fleet.link.canbus.frame import CanBus
+from fleet import CanBus, ConfigError, LinkRefused, SystemClock
 from fleet_quadruped import commissioning
 from fleet_quadruped.any_description import AnyBody, load_body
 from fleet_quadruped.bench_tools import BenchSession, listen, offsets, open_buses, problems, scan

@@ -8,11 +8,8 @@ from typing import Annotated, Literal
 
 from pydantic import AfterValidator, Field, model_validator
 
-from fleet import AdapterConfig
-from fleet.camera.picture import CameraText
-from fleet.link.canbus.bus import BusText
+from fleet import AdapterConfig, BusText, CameraText, ExistingPath, NewPath
 from fleet.sim.faults import parse_faults
-from fleet.yaml_model import ExistingPath, NewPath
 from fleet_quadruped.robot.description import EXAMPLE
 from fleet_quadruped.sim.faults import ALL_FAULTS, WALKER_FAULTS
 from fleet_quadruped.sim.worlds import WORLDS

@@ -20,9 +20,7 @@ from functools import partial
 from types import FrameType
 from typing import NamedTuple
 
-from fleet.clock import Clock
-from fleet.errors import Fault, LinkError, LinkLost, Refused
-from fleet.link.canbus.frame import CanBus
+from fleet import CanBus, Clock, Fault, LinkError, LinkLost, Refused
 from fleet_quadruped.bench_tools import BenchSession, problems
 from fleet_quadruped.body.measured import Targets
 from fleet_quadruped.drives.base import JointFeedback, Power

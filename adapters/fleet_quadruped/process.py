@@ -11,8 +11,7 @@ from typing import Self
 
 import msgspec
 
-from fleet import LinkLost, LinkRefused
-from fleet.runtime.decoding import decode_json
+from fleet import LinkLost, LinkRefused, decode_json
 from fleet_quadruped.config import QuadrupedConfig, simulation
 from fleet_quadruped.control.exchange import SharedValue, new_memory
 from fleet_quadruped.control.orders import DogState, Order

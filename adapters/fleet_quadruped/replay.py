@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 
-from fleet.link.canbus.frame import CanFrame
+from fleet import CanFrame
 from fleet_quadruped.can.capture import Captured
 from fleet_quadruped.drives import drives_of
 from fleet_quadruped.drives.base import JointFeedback

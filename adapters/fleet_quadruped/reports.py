@@ -5,8 +5,18 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 
-from fleet import BatteryReport, Health, Level, PoseReport, Quaternion, Vector3
-from fleet.model.report import ImuReport, JointReport, LogReport, MetricsReport
+from fleet import (
+    BatteryReport,
+    Health,
+    ImuReport,
+    JointReport,
+    Level,
+    LogReport,
+    MetricsReport,
+    PoseReport,
+    Quaternion,
+    Vector3,
+)
 from fleet_quadruped.control.orders import DogState
 from fleet_quadruped.robot.names import JOINTS
 from fleet_quadruped.safety.stages import EMERGENCY_STOP

@@ -11,26 +11,28 @@ from typing import Annotated, ClassVar, TypeVar
 
 from fleet import (
     Adapter,
+    JointRange,
+    LatestMotion,
     Limits,
+    Link,
     NotReady,
     Range,
     Refused,
     Robot,
+    Separation,
     Velocity,
     command,
+    opened_link,
+    parse_link_url,
+    photograph,
 )
-from fleet.camera.picture import photograph
-from fleet.link.base import Link
-from fleet.link.latest_motion import LatestMotion
-from fleet.link.url import opened_link, parse
-from fleet.model.joints import JointRange
-from fleet.robot_config import Separation
 from fleet.sim.process import SimProcess
 from fleet_ugv.board import Board, Inbox
 from fleet_ugv.codecs.waveshare import GIMBAL_SPEED
 from fleet_ugv.config import UgvConfig
 from fleet_ugv.observer import Observer
-from fleet_ugv.odometry import WheelOdometry
+from fleet_ugv.odometry import POSE, WheelOdometry
+from fleet_ugv.sim.rehearsed import simulated_base
 from fleet_ugv.sim.spec import SimSpec, spec_of
 
 GivenT = TypeVar("GivenT")
@@ -50,7 +52,6 @@ MOUNT: Mapping[str, JointRange] = MappingProxyType(
 )
 """Joints of the camera mount: the firmware's ranges, and the speed that is sent with each angle."""
 _Delta = Annotated[float, Range(-math.tau, math.tau, "rad")]
-POSE = "pose"  # the key of ``robot.state`` under which odometry's last pose is kept
 
 
 class UgvAdapter(Adapter[UgvConfig]):
@@ -60,6 +61,7 @@ class UgvAdapter(Adapter[UgvConfig]):
     limits: ClassVar[Limits] = Limits(speed=1.0, yaw_rate=2.0)
     separation: ClassVar[Separation] = Separation(radius=0.4, braking=1.0, precedence=2)
     combines_keys: ClassVar[bool] = True
+    simulation = staticmethod(simulated_base)
 
     def __init__(self, config: UgvConfig, robot: Robot) -> None:
         super().__init__(config, robot)
@@ -78,7 +80,7 @@ class UgvAdapter(Adapter[UgvConfig]):
         url = await self._url()
         inbox = Inbox(self.config, self.robot.clock)
         self._link = await self.robot.enter(opened_link(url, inbox.arrived))
-        slot = LatestMotion(self._link, self.robot.clock, baud=parse(url).baud)
+        slot = LatestMotion(self._link, self.robot.clock, baud=parse_link_url(url).baud)
         self._board = Board(self.config, self.robot, Observer(self.config, self._odometry), inbox, slot)
         self._board.begin(self._link)
 

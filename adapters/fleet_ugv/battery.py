@@ -32,6 +32,15 @@ def percent(voltage: float, curve: Curve) -> float:
     return curve[-1][1]
 
 
+def voltage(charge: float, curve: Curve) -> float:
+    """Return the volts at which a battery has so many percent: the inverse of ``percent``."""
+    for (low, low_percent), (high, high_percent) in pairwise(curve):
+        if charge <= high_percent:
+            part = max(0.0, (charge - low_percent) / max(high_percent - low_percent, 1e-9))
+            return low + part * (high - low)
+    return curve[-1][0]
+
+
 def checked_curve(points: Sequence[tuple[float, float]]) -> Curve:
     """Return a valid curve; raises ValueError when it does not rise or leaves 0 to 100 percent."""
     if len(points) < 2:

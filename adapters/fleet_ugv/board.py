@@ -11,10 +11,20 @@ import contextlib
 from collections import deque
 from collections.abc import Callable
 
-from fleet import Clock, LinkLost, NotReady, Robot, Vector3, Velocity
-from fleet.link.base import Address, Link
-from fleet.link.latest_motion import Frames, LatestMotion
-from fleet.link.motion_sender import LOOK, MotionSender
+from fleet import (
+    POLL_INTERVAL,
+    Address,
+    Clock,
+    LatestMotion,
+    Link,
+    LinkLost,
+    MotionFrames,
+    MotionSender,
+    NotReady,
+    Robot,
+    Vector3,
+    Velocity,
+)
 from fleet_ugv.config import UgvConfig
 from fleet_ugv.model import Confirmed, Event, Feedback, Trouble
 from fleet_ugv.observer import Observer
@@ -80,7 +90,7 @@ class Board:
         self._robot.leave_halt(link, filter(None, (self.codec.stop, self.codec.gimbal_stop)))
         self._slot.send(self.codec.hello(), self.codec.stop)
         self._robot.health(self.readiness.health)
-        self._robot.every(LOOK, self.turn)
+        self._robot.every(POLL_INTERVAL, self.turn)
 
     def end(self) -> None:
         """Leave the base standing; what is asked of it from now on is not waited for."""
@@ -97,7 +107,7 @@ class Board:
         if self.readiness.refusal:
             raise NotReady(self.readiness.refusal, hint="try again in a moment")
 
-    def _encode(self, velocity: Velocity) -> Frames:
+    def _encode(self, velocity: Velocity) -> MotionFrames:
         """Encode a body velocity; raises Refused."""
         return (self.codec.motion(self._kinematics.inverse(velocity)),)
 
@@ -192,7 +202,7 @@ class Board:
 
     def _ask(self, now: float, every: float, question: Callable[[], bytes]) -> None:
         """Write a poll when it is due."""
-        if now - self._asked >= every - LOOK / 2:
+        if now - self._asked >= every - POLL_INTERVAL / 2:
             self._asked = now
             self._slot.send(question())
 

@@ -6,10 +6,7 @@ from typing import Annotated, Literal
 
 from pydantic import AfterValidator, Field, field_validator, model_validator
 
-from fleet import AdapterConfig, LinkRefused
-from fleet.camera.picture import CameraText
-from fleet.link.url import parse
-from fleet.robot_config import Model, Positive
+from fleet import AdapterConfig, CameraText, LinkRefused, Model, Positive, parse_link_url
 from fleet_ugv.battery import checked_curve
 from fleet_ugv.codecs.arduino import Servo
 from fleet_ugv.kinematics import Ackermann, Differential, Kinematics
@@ -31,7 +28,7 @@ def _checked_link(text: str) -> str:
         spec_of(text, ticks=0.0, diameter=0.0)
         return text
     try:
-        parse(text)
+        parse_link_url(text)
     except LinkRefused as error:
         raise ValueError(str(error)) from None
     return text

@@ -4,9 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from fleet import BatteryReport, PoseReport
-from fleet.model.geometry import Vector3
-from fleet.model.report import ImuReport, JointReport, MetricsReport, Report
+from fleet import BatteryReport, ImuReport, JointReport, MetricsReport, PoseReport, Report, Vector3
 from fleet_ugv.battery import percent
 from fleet_ugv.config import UgvConfig
 from fleet_ugv.model import Feedback

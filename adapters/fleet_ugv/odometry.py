@@ -10,10 +10,10 @@ import math
 
 import msgspec
 
-from fleet import Pose, Vector3, quaternion_from_yaw
-from fleet.model.geometry import wrap_angle
+from fleet import Pose, Vector3, quaternion_from_yaw, wrap_angle
 from fleet_ugv.model import Feedback
 
+POSE = "pose"  # the key of ``robot.state`` under which its last pose is kept
 GAP = 1.0  # s without feedback after which the motion in between counts as unknown
 SPARE = 0.05  # m by which a counter may exceed the wheels' top speed: its own step size
 FRESH = 0.3  # m; counters that fall below this were reset

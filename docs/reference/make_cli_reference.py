@@ -16,6 +16,8 @@ from fleet.cli import output
 from fleet.cli.main import COMMANDS, SUMMARIES, fleet
 from fleet.cli.output import ExitCode
 
+OF_ADAPTERS = {"can": "Look at a quadruped's CAN buses and drives, move one joint."}
+"""Commands that the adapters of this project bring (entry points ``fleet.commands``)."""
 TARGET = pathlib.Path(__file__).with_name("cli.md")
 INTRODUCTION = """\
 # The command line
@@ -70,9 +72,10 @@ def render() -> str:
     """Return the whole reference."""
     lines = [INTRODUCTION.rstrip(), "", "| command | |", "|---|---|"]
     lines += [f"| [`fleet {name}`](#fleet-{name}) | {SUMMARIES[name]} |" for name in COMMANDS]
+    lines += [f"| [`fleet {name}`](#fleet-{name}) | {words} |" for name, words in OF_ADAPTERS.items()]
     lines += exit_codes()
     context = click.Context(fleet, info_name="fleet", **fleet.context_settings)
-    for name in COMMANDS:
+    for name in (*COMMANDS, *OF_ADAPTERS):
         command = fleet.get_command(context, name)
         if command is not None:
             lines += command_section(name, command, context)

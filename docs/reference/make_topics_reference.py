@@ -160,7 +160,8 @@ What is asked of a robot is answered: to the Response Topic of a request, else w
 `T navigate/status`, or on `T mission/status`. A command that was accepted is told once more when it has
 ended, by a status on `T command` with `done`, the reason in the robot's own words when that is false, and the
 request's Correlation Data, where that is text, as `correlation_id`; what was done at once has `done` in its
-one answer. With `legacy_status: false` a robot sends no status.
+one answer. A command that the death of the edge cut off ends with a status too, `done: false`, once the edge
+is back, without `correlation_id`. With `legacy_status: false` a robot sends no status.
 Missions are flown by robots with a memory for them.
 
 Joint targets on `J update` are a stream of motion, as velocities are: at most `max_age` (0.5 s) old, none
@@ -257,7 +258,8 @@ def topic(suffix: str) -> str:
     namespace, _, rest = suffix.partition(":")
     if namespace not in NAMESPACES:
         return f"`T {suffix}`".replace("+", "{client_id}")
-    return f"`J {rest}`" if namespace == "joint" else f"`{namespace}/{{uuid}}/{rest}`".replace("+", "{type}")
+    level = "{execution}" if namespace == "workflow" else "{type}"
+    return f"`J {rest}`" if namespace == "joint" else f"`{namespace}/{{uuid}}/{rest}`".replace("+", level)
 
 
 def size(count: int) -> str:

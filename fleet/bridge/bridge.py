@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Callable, Iterable, Iterator, Mapping
+from types import MappingProxyType
 from typing import Any
 
 import msgspec
 
 from fleet.bridge.command_replies import RobotPort
 from fleet.bridge.disconnect_program import DisconnectPlan
-from fleet.bridge.downlink import Downlink
+from fleet.bridge.downlink import Downlink, Handler
 from fleet.bridge.edge_publisher import EdgePublisher
 from fleet.bridge.outbound_channel import TwinInfo
 from fleet.bridge.owned_streams import OwnedStreams
@@ -40,7 +41,7 @@ HEARTBEAT = 5.0  # s between edge_health messages of a twin (contract 9.2)
 
 
 class BridgeRules(msgspec.Struct, frozen=True):
-    """What crosses: of each twin, of each environment (by uuid), and of workflow runs, whatever their uuid.
+    """What crosses: of each twin, environment and workflow (by uuid), and of workflow runs of any uuid.
 
     ``ignored_edges`` are edges whose heartbeat does not claim a twin.
     """
@@ -49,6 +50,7 @@ class BridgeRules(msgspec.Struct, frozen=True):
     environments: Mapping[str, Rulebook] = {}
     any_run: Rulebook | None = None
     ignored_edges: frozenset[str] = frozenset()
+    workflows: Mapping[str, Rulebook] = {}
 
 
 class Bridge:
@@ -56,7 +58,8 @@ class Bridge:
 
     ``alive`` tells whether a robot answers. ``put`` publishes on the bus. ``claimed`` hears twin and edge
     when the cloud shows another edge that has the twin, with an empty name when it has let go. ``spool``
-    keeps what is durable; it is closed with the bridge.
+    keeps what is durable; it is closed with the bridge. ``handlers`` take, by suffix, what the edge itself
+    is asked.
     ``voice`` says what the edge says itself, ``streams`` are what programs on the bus send by themselves.
     """
 
@@ -73,6 +76,7 @@ class Bridge:
         claimed: Callable[[str, str], None],
         clock: Clock,
         spool: Spool | None = None,
+        handlers: Mapping[str, Handler] = MappingProxyType({}),
     ) -> None:
         self._topics = topics
         self._ports = ports
@@ -91,12 +95,12 @@ class Bridge:
         self.downlink = Downlink(
             topics,
             ports,
-            books={**rules.twins, **rules.environments},
+            books={**rules.twins, **rules.environments, **rules.workflows},
             any_run=rules.any_run,
             session=session,
             send=self.voice.answer,
             put=put,
-            own=self._takers(),
+            own={**self._takers(), **handlers},
             refusals=self.refusals,
             clock=clock,
         )
@@ -290,7 +294,7 @@ def subscriptions(topics: Topics, rules: BridgeRules) -> dict[str, int]:
     """Return what to subscribe to: filter to QoS; no two of them overlap."""
     filters = {
         topics.filter(rule.suffix, uuid): rule.qos
-        for books in (rules.twins, rules.environments)
+        for books in (rules.twins, rules.environments, rules.workflows)
         for uuid, book in books.items()
         for rule in book.inward.values()
     }

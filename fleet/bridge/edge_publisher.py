@@ -7,11 +7,13 @@ from collections.abc import Callable, Iterable, Mapping
 from fleet.bridge.command_replies import RobotPort
 from fleet.bridge.counters import ClassCounts
 from fleet.clock import Clock
+from fleet.model.command import Reply
 from fleet.model.report import TelemetryReport
 from fleet.model.state import EdgeState, RobotState
 from fleet.spool.losses import Gap
 from fleet.wire.health import edge_health, edge_state
 from fleet.wire.ping import ping, pong
+from fleet.wire.replies import legacy_status
 from fleet.wire.reports import sender, to_mqtt
 from fleet.wire.rules import TrafficClass, rule_of
 from fleet.wire.topics import Topics
@@ -98,6 +100,21 @@ class EdgePublisher:
         )
         self.said.add(TrafficClass.LATEST)
         self._publish(self._topics.twin(port.twin, "pong:response"), payload)
+
+    def status(self, uuid: str, suffix: str, payload: bytes) -> None:
+        """Publish a status at once, on the topic of a suffix; it is kept until the cloud has it."""
+        rule = rule_of(suffix)
+        self.said.add(TrafficClass.STATUS)
+        topic = self._topics.twin(uuid, suffix)
+        self._publish(
+            topic, payload, qos=1, expiry=(rule and rule.max_age) or None, traffic=TrafficClass.STATUS
+        )
+
+    def tell_end(self, port: RobotPort, reply: Reply) -> None:
+        """Publish the final status of a command for which no process waits any more."""
+        if port.legacy_status:
+            payload = legacy_status(reply, stamp=self._clock.time(), source_type=port.source_type)
+            self.answer(self._topics.twin(port.twin, "command"), payload)
 
     def answer(self, topic: str, payload: bytes, *, correlation: bytes | None = None) -> None:
         """Publish an answer at once; nobody waits for it longer than its rule says."""

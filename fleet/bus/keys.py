@@ -22,7 +22,7 @@ key                                    what
 ``fleet/{edge}/health``                publication, and query for the last: the edge's state
 ``fleet/{edge}/schedules``             query: list its schedules, switch one, or start it now
 ``fleet/{edge}/history``               query: events of its robots, with the senders of requests
-``fleet/{edge}/missions/{name}``       query: parameters of a mission; with ``do=start``, start it
+``fleet/{edge}/missions/{name}``       query: parameters of a mission; with ``do=``, start it or rehearse it
 ``fleet/{edge}/runs/{run}``            publication, and query: a run's state; queries also control it
 ``fleet/{edge}/stop``                  emergency stop; publish or query on ``fleet/*/stop``
 =====================================  ====================================================

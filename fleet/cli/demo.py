@@ -18,10 +18,14 @@ from typing import Any, NamedTuple
 import click
 
 from fleet.bus.settings import is_running, running_edges, runtime_dir
+from fleet.cli.local_user import local_user
 from fleet.cli.options import log_options
 from fleet.cli.output import ExitCode, Output, with_output
 from fleet.cli.serve import logs_to, serve
 from fleet.config.load import load
+from fleet.console.child import is_installed
+from fleet.console.links import LinkAsked
+from fleet.console.sessions import Permission
 from fleet.errors import BusError
 from fleet.host.edge.edge import Edge
 from fleet.sim.broker.thread import BrokerThread
@@ -140,6 +144,7 @@ def demo_file(drones: int, host: str, port: int, *, ugvs: int = 0, dogs: int = 0
         "groups": {kind: [robot["name"] for robot in robots] for kind, robots in kinds.items() if robots},
         "missions": (missions := _patrol(kinds)),
         "schedules": {"round": ROUND} if missions else {},
+        "console": {} if is_installed() else None,
     }
     return json.dumps(fleet, indent=2)
 
@@ -165,7 +170,8 @@ def demo(  # noqa: PLR0917 - click's options
 
     Starts an MQTT broker, simulated drones that speak real MAVLink (PX4 and ArduPilot in turn), wheeled
     robots that speak on a serial device, quadrupeds whose drives speak CAN, the bus and the bridge, and
-    shows one line for each robot until Ctrl-C. A second demo beside it needs an --edge-id of its own; taken
+    shows one line for each robot until Ctrl-C. It prints a link to the console, where the robots are on a
+    map in the browser. A second demo beside it needs an --edge-id of its own; taken
     ports are replaced by free ones.
     """
     if drones + ugvs + dogs == 0:
@@ -186,7 +192,8 @@ def demo(  # noqa: PLR0917 - click's options
             _welcome(out, host, port, [one for one in TRIES if one.robot in there], edge_id)
 
         wanted = logs_to(logs["verbose"], logs["log_file"], logs["log_format"])
-        return serve(loaded, out, logs=wanted, started=started)
+        link = LinkAsked(local_user(), Permission.ADMIN)
+        return serve(loaded, out, logs=wanted, started=started, link=link)
 
 
 def _require_free(edge: str) -> None:
@@ -214,6 +221,7 @@ def _welcome(out: Output, host: str, port: int, tries: Sequence[DemoExample], ed
         out.note("try, in another terminal:")
         out.note(f"  {fleet_program()} ps")
         if robot.startswith(("drone", "ugv")) and edge == EDGE:
+            out.note(f"  {fleet_program()} mission rehearse {PATROL}")
             out.note(f"  {fleet_program()} mission run {PATROL}")
         out.note(f"  {fleet_program()} send {name} {words} --wait")
         out.note(f"  {fleet_program()} goto {name} {goal} --wait")

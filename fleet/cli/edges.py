@@ -59,7 +59,7 @@ class Edges:
     def reach(cls, file: str | None) -> Self:
         """Join them, all at once; raises NotRunning when there is none."""
         directory = runtime_dir()
-        wanted = [_of(file)] if file else [BusSettings(edge) for edge in running_edges(directory)]
+        wanted = [settings_of(file)] if file else [BusSettings(edge) for edge in running_edges(directory)]
         if not wanted:
             raise NotRunning(f"no edge is running here; {START}")
         with ThreadPoolExecutor(len(wanted)) as pool:
@@ -152,15 +152,15 @@ class Edges:
             return found
         raise TimedOut(f"{robot.name} does not say what it takes: {robot.cause or 'its process is silent'}")
 
-    def lane_of(self, robot: RobotState) -> ZenohSession | None:
-        """Return the lane by which a robot's state came, None for one that nobody speaks for."""
+    def session_of(self, robot: RobotState) -> ZenohSession | None:
+        """Return the bus session by which a robot's state came, None for one that nobody speaks for."""
         return self._ways.get((robot.edge, robot.name))
 
     def command(
         self, robot: RobotState, payload: bytes, *, kind: str, wait: bool, timeout: float
     ) -> Iterator[Reply]:
         """Ask a robot at once; what is returned yields the receipt and, when waited for, the end."""
-        bus_session = self.lane_of(robot)
+        bus_session = self.session_of(robot)
         if bus_session is None:
             return iter(())
         parameters = {"kind": kind, "wait": "1" if wait else "0"}
@@ -208,17 +208,17 @@ class Edges:
 
     def start_mission(self, edge: str, name: str, asked: StartAsk) -> Started:
         """Start a mission on an edge; raises TimedOut when that does not answer."""
-        return self._one(keys.mission(edge, name), Started, asked, {"do": "start"})
+        return self.one(keys.mission(edge, name), Started, asked, {"do": "start"})
 
     def control_run(self, edge: str, run: str, asked: ControlAsk) -> Controlled:
         """Control a run; raises TimedOut when its edge does not answer."""
-        return self._one(keys.run(edge, run), Controlled, asked)
+        return self.one(keys.run(edge, run), Controlled, asked)
 
     def story(self, edge: str, run: str) -> list[Told]:
         """Return what happened in a run; raises TimedOut when its edge does not answer."""
-        return self._one(keys.run(edge, run), list[Told], ControlAsk("log"))
+        return self.one(keys.run(edge, run), list[Told], ControlAsk("log"))
 
-    def _one(
+    def one(
         self, key: str, kind: type[T], asked: msgspec.Struct, parameters: Mapping[str, str] | None = None
     ) -> T:
         """Ask one edge, by whichever way reaches it; raises TimedOut without an answer."""
@@ -268,7 +268,7 @@ def _joined(settings: BusSettings, directory: Path) -> ZenohSession | BusError:
         return error
 
 
-def _of(file: str) -> BusSettings:
+def settings_of(file: str) -> BusSettings:
     """Return how to reach the edge of a fleet file."""
     from fleet.config.load import sections_of  # noqa: PLC0415 - pydantic is not needed without a file
     from fleet.host.process.component_settings import bus_settings  # noqa: PLC0415

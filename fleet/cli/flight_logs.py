@@ -17,7 +17,7 @@ from fleet.cli.options import reach_option
 from fleet.cli.output import ExitCode, Output, with_output
 from fleet.cli.robot_queries import RobotQuery
 from fleet.errors import Refused
-from fleet.runtime.decoding import convert
+from fleet.runtime.decoding import convert_strictly
 
 _PIECE = 32 * 1024  # bytes asked for at once
 _LIST_WITHIN = 35.0  # s
@@ -108,7 +108,7 @@ def _pieces(asker: RobotQuery, log: _Log, at: int) -> Iterator[bytes]:
         asked = {"id": log.id, "offset": at, "count": count}
         said = asker.ask("read_log", asked, timeout=_PIECE_WITHIN)
         try:
-            piece = convert(said, _Piece)
+            piece = convert_strictly(said, _Piece)
             data = base64.b64decode(piece.data, validate=True)
         except (msgspec.ValidationError, binascii.Error) as error:
             raise Refused(f"{asker.robot.name} answers what is no log: {error}") from None
@@ -122,7 +122,7 @@ def _list(asker: RobotQuery) -> list[_Log]:
     """Return the logs of a robot."""
     said = asker.ask("list_logs", timeout=_LIST_WITHIN)
     try:
-        return convert(said, list[_Log])
+        return convert_strictly(said, list[_Log])
     except msgspec.ValidationError as error:
         raise Refused(f"{asker.robot.name} answers what are no logs: {error}") from None
 

@@ -13,6 +13,7 @@ from pathlib import Path
 
 import click
 
+from fleet.cli.adapter_commands import adapter_commands, load_command, package_of
 from fleet.cli.interrupt import end_at_once, raise_from_now_on
 from fleet.cli.output import ExitCode, exit_code_of, show_error
 from fleet.config.text import nearest
@@ -27,6 +28,7 @@ COMMANDS: Mapping[str, str] = {
     "run": "fleet.cli.run:run",
     "demo": "fleet.cli.demo:demo",
     "ps": "fleet.cli.ps:ps",
+    "console": "fleet.cli.console:console",
     "describe": "fleet.cli.describe:describe",
     "send": "fleet.cli.send:send",
     "goto": "fleet.cli.goto:goto",
@@ -48,7 +50,6 @@ COMMANDS: Mapping[str, str] = {
     "adapters": "fleet.cli.adapters:adapters",
     "schema": "fleet.cli.schema:schema",
     "completion": "fleet.cli.completion:completion",
-    "can": "fleet_quadruped.cli:can",
 }
 HIDDEN: Mapping[str, str] = {"run-edge": "fleet.cli.run_edge:run_edge"}
 """Commands that programs of ours start, and people do not."""
@@ -58,6 +59,7 @@ SUMMARIES: Mapping[str, str] = {
     "run": "Run the fleet of a fleet file.",
     "demo": "Run simulated robots; nothing else is needed.",
     "ps": "Show the robots that run, and how they are.",
+    "console": "Show the fleet in a browser.",
     "describe": "Show what a robot takes, and whether it would take it now.",
     "send": "Send a command to a robot and wait for its answer.",
     "goto": "Send a robot to a place.",
@@ -79,7 +81,6 @@ SUMMARIES: Mapping[str, str] = {
     "adapters": "Show the kinds of robots that can be used, make new ones, reload changed ones.",
     "schema": "Print the JSON Schema of fleet.yaml for editors.",
     "completion": "Print what lets a shell complete robots and commands.",
-    "can": "Look at a quadruped's CAN buses and drives, move one joint.",
 }
 
 
@@ -87,34 +88,33 @@ class LazyGroup(click.Group):
     """A group whose commands are imported by name from ``COMMANDS``."""
 
     def list_commands(self, ctx: click.Context) -> list[str]:  # noqa: ARG002 - click's signature
-        """Return the names in the order of the table."""
-        return list(COMMANDS)
+        """Return the names in the order of the table, then those of adapters."""
+        return list(dict.fromkeys((*COMMANDS, *adapter_commands())))
 
     def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:  # noqa: ARG002
         """Import a command; None when there is none of this name."""
         found = COMMANDS.get(cmd_name) or HIDDEN.get(cmd_name)
-        if found is None:
+        point = None if found else adapter_commands().get(cmd_name)
+        if not found and point is None:
             return None
-        module, _, attribute = found.partition(":")
+        interruptible = end_at_once()
         try:
-            interruptible = end_at_once()
-            try:
-                command: click.Command = getattr(importlib.import_module(module), attribute)
-            finally:
-                if interruptible:
-                    raise_from_now_on()
-        except ModuleNotFoundError as error:
-            if not module.startswith("fleet_"):
-                raise
-            raise click.ClickException(f"fleet {cmd_name} needs {error.name}: install its extra") from None
-        return command
+            if point is not None:
+                return load_command(point)
+            module, _, attribute = (found or "").partition(":")
+            command: click.Command = getattr(importlib.import_module(module), attribute)
+            return command
+        finally:
+            if interruptible:
+                raise_from_now_on()
 
     def resolve_command(
         self, ctx: click.Context, args: list[str]
     ) -> tuple[str | None, click.Command | None, list[str]]:
         """Find the command of a line; an unknown one is told with the nearest."""
-        if args[0] not in COMMANDS.keys() | HIDDEN.keys() and not args[0].startswith("-"):
-            near = nearest(args[0], COMMANDS)
+        known = COMMANDS.keys() | HIDDEN.keys()
+        if args[0] not in known and not args[0].startswith("-") and args[0] not in adapter_commands():
+            near = nearest(args[0], self.list_commands(ctx))
             ctx.fail(f"there is no command {args[0]!r}{f'; {near}' if near else ''}")
         return super().resolve_command(ctx, args)
 
@@ -122,6 +122,10 @@ class LazyGroup(click.Group):
         """List the commands without importing them."""
         with formatter.section("Commands"):
             formatter.write_dl(list(SUMMARIES.items()))
+        brought = [(name, each) for name, each in adapter_commands().items() if name not in COMMANDS]
+        if brought:
+            with formatter.section("Commands of adapters (fleet NAME --help)"):
+                formatter.write_dl([(name, f"of {package_of(each)}") for name, each in brought])
 
 
 @click.group(cls=LazyGroup, context_settings={"help_option_names": ["-h", "--help"]})

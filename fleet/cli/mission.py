@@ -16,11 +16,12 @@ from fleet.cli.edges import Edges
 from fleet.cli.local_user import local_user
 from fleet.cli.options import reach_option
 from fleet.cli.output import ExitCode, Output, show_error, with_output
+from fleet.cli.rehearsals import follow_rehearsal
 from fleet.cli.runs import RUN_FILES, follow, one_run, robot_lines, state_line
 from fleet.cli.send import pair
 from fleet.errors import Refused
 from fleet.missions.report import ControlAsk, MissionState, StartAsk
-from fleet.missions.words import step_of
+from fleet.missions.words import told_line
 
 
 @click.group()
@@ -134,6 +135,30 @@ def run(
         return follow(out, edges, started.run)
 
 
+@mission.command("rehearse")
+@click.argument("what", metavar="MISSION")
+@click.argument("inputs", nargs=-1, metavar="[INPUT=VALUE]...")
+@click.option("--robot", "robots", multiple=True, type=ROBOT, help="[ROLE=]ROBOT: who fills a role.")
+@reach_option
+@with_output
+def rehearse(
+    out: Output, what: str, inputs: tuple[str, ...], *, robots: tuple[str, ...], file: str | None
+) -> ExitCode:
+    """Carry a mission out with simulated robots, where the robots are now, and tell how it goes.
+
+    No robot moves: the edge does it in a process of its own, faster than real time. MISSION and the exit
+    codes are those of run. A mission with rehearse: required is started for an hour after a rehearsal that
+    went well.
+    """
+    name, sent = _sent(what, robots)
+    with Edges.reach(file) as edges:
+        chosen = _chosen(robots, sent)
+        given = dict(pair(each) for each in inputs)
+        ask = StartAsk(mission=sent, inputs=given, robots=chosen, session_id=local_user())
+        again = " ".join(["fleet mission run", what, *inputs, *(f"--robot {robot}" for robot in robots)])
+        return follow_rehearsal(out, edges, _edge_of(edges, name, chosen, sent), name, ask, again)
+
+
 @mission.command("ps")
 @click.option("-a", "--all", "ended", is_flag=True, help="Also runs that have ended.")
 @reach_option
@@ -193,8 +218,7 @@ def story(out: Output, run: str, *, file: str | None) -> ExitCode:
     out.data({"run": state.run, "log": [msgspec.to_builtins(each) for each in lines]})
     for each in lines:
         clock = time.strftime("%H:%M:%S", time.localtime(each.stamp))
-        robot, step = f"{each.robot} " if each.robot else "", step_of(each.step)
-        out.say(f"{clock} {robot}{each.text}" + (f" (step {step})" if step else ""))
+        out.say(f"{clock} {told_line(each.text, each.robot, each.step)}")
     return ExitCode.OK
 
 
@@ -246,19 +270,12 @@ def _sent(what: str, robots: tuple[str, ...]) -> tuple[str, dict[str, object] | 
 def plan_mission(path: Path) -> dict[str, object]:
     """Return the mission of one step that lets one aircraft fly a plan file; raises Refused."""
     from fleet.errors import WireError  # noqa: PLC0415
-    from fleet.missions.plan import plan_in  # noqa: PLC0415
+    from fleet.missions.plan import mission_of_plan, plan_in  # noqa: PLC0415
 
     try:
-        plan = plan_in(path.read_bytes())
+        return mission_of_plan(plan_in(path.read_bytes()), f"the plan {path.name}")
     except (OSError, WireError) as error:
         raise Refused(f"{path}: {error}") from None
-    return {
-        "version": 1,
-        "summary": f"the plan {path.name}",
-        "roles": {"pilot": {"can": ["plan"]}},
-        "steps": [{"id": "fly", "timeout": "1 h", "do": {"pilot": {"plan": plan}}}],
-        "on_restart": "hold_and_ask",
-    }
 
 
 def _chosen(robots: tuple[str, ...], sent: dict[str, object] | None) -> dict[str, list[str]]:

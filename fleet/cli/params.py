@@ -15,7 +15,7 @@ from fleet.cli.output import ExitCode, Output, counted, together, with_output
 from fleet.cli.parameters import read, same, shown, written
 from fleet.cli.robot_queries import QueryResult, RobotQuery, query_all
 from fleet.errors import FleetError, Refused
-from fleet.runtime.decoding import convert
+from fleet.runtime.decoding import convert_strictly
 
 _ONE_WITHIN = 30.0  # s
 _ALL_WITHIN = 150.0  # s; a slow radio
@@ -171,6 +171,6 @@ def _ended(out: Output, found: dict[str, AnswerT], failed: dict[str, str]) -> Ex
 def _checked(said: object, kind: type[AnswerT], robot: str) -> AnswerT:
     """Return an answer that has the shape it should; raises Refused for another."""
     try:
-        return convert(said, kind)
+        return convert_strictly(said, kind)
     except msgspec.ValidationError as error:
         raise Refused(f"{robot} answers what are no parameters: {error}") from None

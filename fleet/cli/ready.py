@@ -11,7 +11,7 @@ from fleet.cli.options import reach_option
 from fleet.cli.output import ExitCode, Output, together, with_output
 from fleet.cli.robot_queries import QueryResult, query_all
 from fleet.errors import FleetError, Refused
-from fleet.runtime.decoding import convert
+from fleet.runtime.decoding import convert_strictly
 
 _WITHIN = 15.0  # s
 _MARKS = {True: "ok", False: "no", None: "unknown"}
@@ -90,6 +90,6 @@ def _against(answer: _Answer) -> str:
 def _checked(answered: QueryResult) -> _Answer:
     """Return the check list; raises Refused for what is none, TimedOut without an answer."""
     try:
-        return convert(answered.get(), _Answer)
+        return convert_strictly(answered.get(), _Answer)
     except msgspec.ValidationError as error:
         raise Refused(f"{answered.robot.name} answers what is no check list: {error}") from None

@@ -17,13 +17,10 @@ from fleet.cli.send import RECEIPT_WITHIN, code_of, last_reply
 from fleet.cli.times import when
 from fleet.history.event_filter import MOST, EventFilter
 from fleet.history.record import Record
+from fleet.history.stop_causes import stop_causes
 from fleet.host.safety.emergency_stop import RELEASE
 from fleet.model.command import Reply
-from fleet.model.event import EventKind
 from fleet.model.state import RobotState
-from fleet.wire.stops import EMERGENCY
-
-_SETS = {EventKind.STOP, EventKind.EMERGENCY_STOP}
 
 
 @click.command()
@@ -82,23 +79,9 @@ def _for_programs(state: RobotState, cause: Record | None, reply: Reply) -> dict
 
 
 def _causes(edges: Edges, stopped: Iterable[RobotState]) -> dict[tuple[str, str], Record]:
-    """Return what set the stop of each robot: the first stop since the last release."""
+    """Return what set the stop of each robot."""
     names = tuple({state.name for state in stopped})
-    causes: dict[tuple[str, str], Record] = {}
-    for record in edges.history(EventFilter(names, 0.0, MOST)) if names else ():
-        robot = (record.edge, record.robot)
-        if record.kind is EventKind.RELEASE:
-            causes.pop(robot, None)
-        elif record.kind in _SETS and record.command == EMERGENCY:
-            known = causes.get(robot)
-            if known is None or (_is_surer(record, known) and record.stamp - known.stamp < 1.0):
-                causes[robot] = record
-    return causes
-
-
-def _is_surer(one: Record, other: Record) -> bool:
-    """Return whether one event says more surely who asked than another."""
-    return bool(one.asker and one.asker.proven) and not (other.asker and other.asker.proven)
+    return stop_causes(edges.history(EventFilter(names, 0.0, MOST))) if names else {}
 
 
 def _told(state: RobotState, cause: Record | None) -> str:

@@ -22,21 +22,43 @@ from fleet.supervisor.supervisor import Supervisor
 
 @click.command()
 @click.argument("file", default="fleet.yaml", type=click.Path())
+@click.option("--worker", metavar="NAME", help="Run only this worker, for an edge on another computer.")
 @log_options
 @with_output
-def run(out: Output, file: str, *, verbose: int, log_file: str | None, log_format: str) -> int:
+def run(
+    out: Output, file: str, *, worker: str | None, verbose: int, log_file: str | None, log_format: str
+) -> int:
     """Run the fleet of FILE (fleet.yaml when left out) until Ctrl-C.
 
     Robots that cannot run are told and left out; the others run, and the exit code is then 7. With --json
     each change of a robot is one line of JSON. An edge that dies is started again at once, and its robots
     are halted meanwhile.
+
+    --worker runs a worker that the edge lists under remote_workers; the bus.connect of its FILE
+    is that edge.
     """
+    if worker is not None:
+        return _supervised(["fleet.host.workers.worker_process", "--name", worker, "--config", file])
     options = ["--json"] * out.as_json + ["--no-color"] * (not out.color) + ["-v"] * verbose
     options += ["--log-format", log_format, *(["--log-file", log_file] if log_file else [])]
+    return _supervised(
+        ["fleet", "run-edge", *options, "--", file], farewell="fleet.bridge.disconnect_program"
+    )
+
+
+def _supervised(module: list[str], *, farewell: str = "") -> int:
+    """Run a module of ours with its arguments below a supervisor; return its exit code.
+
+    ``farewell``: the module that tells the cloud of a death.
+    """
     # -P: what lies in the user's folder is not to be imported in place of our own modules.
-    command = [sys.executable, "-P", "-m", "fleet", "run-edge", *options, "--", file]
-    path = socket_of(runtime_dir(), os.getpid())
+    python = [sys.executable, "-P", "-m"]
     soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)  # each robot's link is one
     resource.setrlimit(resource.RLIMIT_NOFILE, (max(soft, hard), hard))
-    farewell = [sys.executable, "-P", "-m", "fleet.bridge.disconnect_program"]
-    return Supervisor(command, path=path, told=print_in_thread, clock=SystemClock(), farewell=farewell).run()
+    return Supervisor(
+        [*python, *module],
+        path=socket_of(runtime_dir(), os.getpid()),
+        told=print_in_thread,
+        clock=SystemClock(),
+        farewell=[*python, farewell] if farewell else (),
+    ).run()

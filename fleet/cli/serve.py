@@ -16,10 +16,14 @@ from fleet.cli.live import show
 from fleet.cli.output import ExitCode, Output
 from fleet.clock import SystemClock
 from fleet.config.load import Loaded
+from fleet.console.child import ConsoleChild
+from fleet.console.links import LinkAsked
+from fleet.console.task import ConsoleTask
 from fleet.host.edge.edge import Edge
 from fleet.host.logs.folders import log_folder, show_log
 from fleet.host.logs.line_format import Format
 from fleet.host.logs.setup import LogSettings, start_logging
+from fleet.host.process.component_settings import bus_settings
 from fleet.host.runtime.termination_signals import end_by_signal
 from fleet.robot_config import MAIN
 from fleet.runtime.event_loop import run as run_loop
@@ -43,35 +47,64 @@ def serve(
     logs: LogSettings,
     started: Callable[[Edge], None],
     supervised: SupervisorClient | None = None,
+    link: LinkAsked | None = None,
 ) -> ExitCode:
-    """Run until Ctrl-C, SIGTERM or the end of the terminal; ``started`` is told once the edge is built."""
+    """Run until Ctrl-C, SIGTERM or the end of the terminal; ``started`` is told once the edge is built.
+
+    ``link``: print such a link to the console, where fleet.yaml has one; its port may be any that is free.
+    """
     edge = loaded.config.edge
     kept = log_folder(state_folder(edge.id, edge.spool.path))
     logs.told()
     end_logs = start_logging(logs, kept / f"{MAIN}.jsonl")
     show_log(edge.id, kept, runtime_dir())
     try:
-        run_loop(_serve(loaded, out, started, supervised))
+        run_loop(_serve(loaded, out, started, supervised, link))
     finally:
         end_logs()
     return ExitCode.SOME_FAILED if loaded.problems else ExitCode.OK
 
 
 async def _serve(
-    loaded: Loaded, out: Output, started: Callable[[Edge], None], supervised: SupervisorClient | None
+    loaded: Loaded,
+    out: Output,
+    started: Callable[[Edge], None],
+    supervised: SupervisorClient | None,
+    link: LinkAsked | None,
 ) -> None:
     """Run the edge and its live view."""
     edge = Edge(loaded, directory=runtime_dir(), clock=SystemClock(), supervised=supervised)
     ended = asyncio.Event()
     end_by_signal(ServeEnd(ended, time.monotonic, os._exit).asked)
     started(edge)
-    view = asyncio.create_task(show(edge, out), name="view")
+    beside = [asyncio.create_task(show(edge, out), name="view")]
+    console = _console(loaded, out, link)
+    if console is not None:
+        edge.beside = lambda: console.problem
+        beside.append(asyncio.create_task(console.run(), name="console"))
     try:
         await edge.run(ended)
     finally:
-        view.cancel()
-        with contextlib.suppress(asyncio.CancelledError):
-            await view
+        for task in beside:
+            task.cancel()
+        for outcome in await asyncio.gather(*beside, return_exceptions=True):
+            if isinstance(outcome, Exception):
+                raise outcome
+
+
+def _console(loaded: Loaded, out: Output, link: LinkAsked | None) -> ConsoleChild | None:
+    """Return the console that fleet.yaml asks for, not started yet."""
+    config = loaded.config
+    if config.console is None:
+        return None
+
+    def served(address: str) -> None:
+        out.note(
+            f"console           {address}" if address else "console: fleet console --link  prints a link"
+        )
+
+    task = ConsoleTask(config.edge.id, config.console.port, link is not None, (bus_settings(config),))
+    return ConsoleChild(task, runtime_dir(), SystemClock(), asked=link, served=served)
 
 
 class ServeEnd:

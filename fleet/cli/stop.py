@@ -26,17 +26,11 @@ from fleet.cli.options import reach_option
 from fleet.cli.output import ExitCode, NotRunning, Output, with_output
 from fleet.errors import BusError
 from fleet.host.requests.stop_cause import parameters_of
-from fleet.model.command import ReplyStatus
-from fleet.model.state import RobotState
 from fleet.supervisor.protocol import StopAnswer
 from fleet.supervisor.stop_request import stop_all
-from fleet.wire.stops import EMERGENCY
+from fleet.wire.stop_outcome import DONE, OPEN, SEEN_WITHIN, UNSEEN, stop_outcome
 
 LOOK = 0.2  # s between looks at how the stops go on
-SEEN_WITHIN = 8.0  # s; an adapter has 5 to bring its robot to a standstill
-DONE = "done"
-UNSEEN = "no state of it came after the stop"
-OPEN = ("under way", ReplyStatus.ACCEPTED.value, UNSEEN)
 
 
 class StopTarget(msgspec.Struct, frozen=True):
@@ -263,18 +257,8 @@ def _outcomes(
     for state in edges.states():
         robot = (state.edge, state.name)
         if robot in hit:
-            outcomes[robot] = _outcome(state, first.setdefault(robot, state.stamp))
+            outcomes[robot] = stop_outcome(state, first.setdefault(robot, state.stamp))
     return outcomes
-
-
-def _outcome(state: RobotState, first: float) -> str:
-    """Return how a robot's stop goes by its state.
-
-    One that tells of another command may be from before the stop: it counts once it was made anew.
-    """
-    if state.last_command == EMERGENCY:
-        return state.last_outcome
-    return DONE if state.emergency_stop and state.reachable and state.stamp > first else UNSEEN
 
 
 def _told(out: Output, effort: StopEffort, edges: Edges, result: StopResult) -> ExitCode:

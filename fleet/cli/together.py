@@ -90,7 +90,7 @@ class CommonStart:
 
     def __enter__(self) -> Self:
         for robot, _, _ in self._asked:
-            bus_session = self._edges.lane_of(robot)
+            bus_session = self._edges.session_of(robot)
             if bus_session is None:
                 raise Refused(f"{robot.name}: {robot.cause or 'nobody speaks for it'}: nobody is started")
             if robot.edge not in self._lanes:

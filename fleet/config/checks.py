@@ -194,6 +194,18 @@ def check_schedules(data: Mapping[str, object], document: Document) -> None:
                 document.report(mark, f"there is no robot {robot!r}", nearest(robot, robots))
 
 
+def check_workflows(data: Mapping[str, object], document: Document) -> None:
+    """Report workflows of missions that there are not."""
+    cloud, missions = data.get("cloud"), data.get("missions")
+    workflows = cloud.get("workflows") if isinstance(cloud, dict) else None
+    known = set(missions) if isinstance(missions, dict) else set()
+    for uuid, one in workflows.items() if isinstance(workflows, dict) else ():
+        mission = one.get("mission") if isinstance(one, dict) else None
+        if isinstance(mission, str) and mission not in known:
+            mark = document.marks["cloud", "workflows", uuid, "mission"]
+            document.report(mark, f"there is no mission {mission!r}", nearest(mission, known))
+
+
 def check_bus(bus: BusConfig, document: Document) -> None:
     """Report each endpoint of the bus by which somebody unknown could command the robots, at its place.
 

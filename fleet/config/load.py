@@ -26,6 +26,7 @@ from fleet.config.checks import (
     check_schedules,
     check_stop_inputs,
     check_workers,
+    check_workflows,
     identity_of,
     warn_of_batteries,
     warn_of_drop_ins,
@@ -154,6 +155,7 @@ def _check_together(document: Document, sections: Sections | None, robots: Mappi
     check_stop_inputs(document.data, document)
     check_notify(document.data, document)
     check_schedules(document.data, document)
+    check_workflows(document.data, document)
     configs = {index: robot.config for index, robot in robots.items()}
     check_followers(configs, document)
     if sections is not None:

@@ -11,9 +11,9 @@ from fleet.config.yaml import Document
 from fleet.model.geodesy import GeoOrigin, GeoPoint, geo_from_world, world_from_geo
 from fleet.model.geometry import Vector3
 from fleet.model.place import Place, PlaceFrame, PlaceKind, may_be, metric, point_of
-from fleet.model.polygon import Point, contains
+from fleet.model.polygon import Point, polygon_contains
 from fleet.robot_config import AdapterConfig, Corners, FenceConfig, Name, Positive
-from fleet.runtime.decoding import convert
+from fleet.runtime.decoding import convert_strictly
 from fleet.yaml_model import Model, wrong
 
 Site = tuple[float, float, float]
@@ -65,7 +65,7 @@ class PlaceConfig(Model):
             raise wrong(key, "geodetic numbers are [latitude, longitude] in degrees")
         if self.polygon is None:
             return self
-        if self.at is not None and not contains(self.polygon, (self.at[0], self.at[1])):
+        if self.at is not None and not polygon_contains(self.polygon, (self.at[0], self.at[1])):
             raise wrong("at", "lies outside the polygon")
         if self.at is None and not point_of(self.polygon, self.height):
             raise wrong("polygon", "its middle lies outside of it: say at:, where robots are sent")
@@ -122,7 +122,7 @@ def is_allowed(robot: AdapterConfig, place: Place, site: Site | None) -> bool | 
         return _within(fence, (0.0, 0.0), GeoOrigin(on_earth.latitude, on_earth.longitude))
     if robot.origin is None:
         return None
-    point = world_from_geo(convert(robot.origin, GeoOrigin, from_attributes=True), on_earth)
+    point = world_from_geo(convert_strictly(robot.origin, GeoOrigin, from_attributes=True), on_earth)
     return _within(fence, (point.x, point.y), None)
 
 

@@ -10,7 +10,7 @@ from pydantic import AfterValidator, Field, SecretStr, model_validator
 
 from fleet.config.endpoints import COMMON_NAME, Insecure, Role, check_locator, is_encrypted, is_local
 from fleet.config.groups import Group, members_of
-from fleet.config.notify import NotifyConfig
+from fleet.config.notify import NotifyConfig, with_members
 from fleet.config.places import PlaceConfig
 from fleet.robot_config import AdapterConfig, Name
 from fleet.schedules.model import ScheduleConfig
@@ -90,6 +90,22 @@ class EdgeConfig(Model):
     history: HistoryConfig = Field(HistoryConfig(), description="Who commanded what; `fleet history`.")
 
 
+class WorkflowConfig(Model):
+    """The mission that a workflow of the cloud starts."""
+
+    mission: Name = Field(description="The mission that is started.")
+    inputs: dict[str, Any] = Field(
+        {}, description="Its inputs; those of the workflow's run cannot change them."
+    )
+    source_type: str = Field(
+        "tele",
+        min_length=1,
+        max_length=32,
+        description="In whose name its robots are commanded: each must accept it for missions and for every "
+        "step. The cloud's message itself names none.",
+    )
+
+
 class CloudConfig(TopicsConfig):
     """The way to the Cyberwave cloud (MQTT). What is left out is taken from the environment."""
 
@@ -132,6 +148,9 @@ class CloudConfig(TopicsConfig):
     )
     environments: frozenset[UUID] = Field(
         frozenset(), description="Environments whose updates cross between the cloud and the bus."
+    )
+    workflows: dict[UUID, WorkflowConfig] = Field(
+        {}, description="Workflows of the cloud that start a mission, by uuid; any other starts none."
     )
     ignore_edges: frozenset[str] = Field(
         frozenset(),
@@ -234,6 +253,12 @@ class MetricsConfig(Model):
         return self
 
 
+class ConsoleConfig(Model):
+    """The console, a web page with the fleet, as a process beside the edge. It listens on loopback alone."""
+
+    port: int = Field(8480, ge=0, le=65535, description="0 takes any that is free.")
+
+
 class SiteConfig(Model):
     """The frame that the robots of this edge share: east-north-up, metres."""
 
@@ -293,6 +318,9 @@ class Sections(Model):
     metrics: MetricsConfig | None = Field(
         None, description="Figures for Prometheus. Left out: none, and no port is opened."
     )
+    console: ConsoleConfig | None = Field(
+        None, description="A web page with the fleet (docs/how-to/console.md). Left out: none."
+    )
     plugins: tuple[ExistingFolder, ...] = Field(
         (),
         description="Folders of drop-in adapters, which nobody but you and root may write; their code runs "
@@ -301,7 +329,7 @@ class Sections(Model):
     remote_workers: frozenset[Name] = Field(
         frozenset(),
         description="Workers that somebody starts on another computer, with "
-        "python -m fleet.host.workers.worker_process and a copy of this file whose bus.connect is this edge; "
+        "fleet run --worker NAME and a copy of this file whose bus.connect is this edge; "
         "the edge itself starts only the others.",
     )
     defaults: dict[str, Any] = Field(
@@ -333,6 +361,11 @@ class Sections(Model):
     notify: tuple[NotifyConfig, ...] = Field(
         (), description="Webhooks and programs that are told of faults and stops, also without a cloud."
     )
+
+    @property
+    def notified(self) -> tuple[NotifyConfig, ...]:
+        """Return who is told, with the robots of groups in the place of their names."""
+        return with_members(self.notify, self.members)
 
     @property
     def members(self) -> dict[str, tuple[str, ...]]:

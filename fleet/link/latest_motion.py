@@ -15,7 +15,7 @@ from fleet.errors import LinkLost
 from fleet.link.base import Address, Link
 
 BITS_A_BYTE = 10  # on a serial line: start bit, eight data bits, stop bit
-Frames = tuple[bytes, ...]  # frames that belong together; each is one write
+MotionFrames = tuple[bytes, ...]  # frames that belong together; each is one write
 
 
 class LatestMotion:
@@ -33,10 +33,10 @@ class LatestMotion:
         self._clock = clock
         self._byte_time = BITS_A_BYTE / baud if baud else 0.0
         self._free_at = 0.0  # monotonic s at which the line will have sent everything written so far
-        self._waiting: Frames = ()
+        self._waiting: MotionFrames = ()
         self._lock = threading.Lock()  # held for sends only, which never block
 
-    def put(self, motion: Frames, turn: int, *, at_once: bool = False) -> bool:
+    def put(self, motion: MotionFrames, turn: int, *, at_once: bool = False) -> bool:
         """Write motion, or keep it as the newest until the line is free.
 
         ``turn`` is the slot's turn at the time the motion was decided. Returns False when a stop came in
@@ -65,7 +65,7 @@ class LatestMotion:
         with self._lock:
             self._write(frames)
 
-    def halt(self, stop: Frames) -> bool:
+    def halt(self, stop: MotionFrames) -> bool:
         """Discard all motion and write the stop at once; from any thread. False: the link is down."""
         with self._lock:
             self.turn += 1  # motion decided before this stop is refused by ``put``
@@ -83,7 +83,7 @@ class LatestMotion:
         motion, self._waiting = self._waiting, ()
         self._write(motion)
 
-    def _write(self, frames: Frames) -> None:
+    def _write(self, frames: MotionFrames) -> None:
         """Write, and note until when the line is busy."""
         for frame in frames:
             if frame:

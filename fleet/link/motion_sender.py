@@ -10,10 +10,10 @@ from collections.abc import Callable
 
 from fleet.clock import Clock
 from fleet.errors import LinkLost, NotReady
-from fleet.link.latest_motion import Frames, LatestMotion
+from fleet.link.latest_motion import LatestMotion, MotionFrames
 from fleet.model.geometry import Velocity
 
-LOOK = 0.02  # s between two calls of ``look``
+POLL_INTERVAL = 0.02  # s between two calls of ``look``
 STOP_REPEATS = 5  # repeats of a stop or of a zero velocity, in case the line lost it
 
 
@@ -28,8 +28,8 @@ class MotionSender:
         slot: LatestMotion,
         clock: Clock,
         *,
-        encode: Callable[[Velocity], Frames],
-        stop: Callable[[], Frames],
+        encode: Callable[[Velocity], MotionFrames],
+        stop: Callable[[], MotionFrames],
         every: float,
         idle: bool = False,
     ) -> None:
@@ -37,7 +37,7 @@ class MotionSender:
         self._clock = clock
         self._encode = encode
         self._stop = stop
-        self._every = every - LOOK / 2  # so that the nearest call of ``look`` repeats, not the next one
+        self._every = every - POLL_INTERVAL / 2  # the nearest call of ``look`` repeats
         self._idle = idle
         self._held: tuple[int, Velocity | None] | None = None  # turn and velocity; no velocity: no repeats
         self._repeats = 0  # repeats left of a stop or a zero velocity
@@ -53,11 +53,11 @@ class MotionSender:
         turn = self.turn
         self._put(self._encode(velocity), turn, velocity)
 
-    def carry_out(self, frames: Frames, turn: int) -> None:
+    def carry_out(self, frames: MotionFrames, turn: int) -> None:
         """Write a command that moves the robot and replaces the velocity; raises NotReady."""
         self._put(frames, turn, None)
 
-    def _put(self, frames: Frames, turn: int, velocity: Velocity | None) -> None:
+    def _put(self, frames: MotionFrames, turn: int, velocity: Velocity | None) -> None:
         """Write frames decided in ``turn``, unless a halt came in between."""
         try:
             written = self._slot.put(frames, turn, at_once=velocity is None)
@@ -75,7 +75,7 @@ class MotionSender:
         self._slot.halt(self._stop())
 
     def look(self) -> None:
-        """Write waiting motion and due repeats; call it every ``LOOK`` s. Raises LinkLost."""
+        """Write waiting motion and due repeats; call it every ``POLL_INTERVAL`` s. Raises LinkLost."""
         self._slot.flush()
         now = self._clock.monotonic()
         if now - self._written < self._every:
@@ -86,7 +86,7 @@ class MotionSender:
             self._written = now
             self._slot.put(frames, turn)
 
-    def _again(self, turn: int) -> Frames:
+    def _again(self, turn: int) -> MotionFrames:
         """Return the frames to repeat: a velocity while it is held; a stop or a zero a few times."""
         velocity = None
         if self._held is not None and self._held[0] == turn:

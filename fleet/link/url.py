@@ -49,7 +49,7 @@ class LinkUrl(msgspec.Struct, frozen=True):
     baud: int = 0
 
 
-def parse(url: str) -> LinkUrl:
+def parse_link_url(url: str) -> LinkUrl:
     """Parse a link URL; raises LinkRefused with a correct example."""
     scheme, colon, rest = url.partition(":")
     if scheme == "sim":
@@ -115,7 +115,7 @@ async def _open_can(url: str, receiver: Receiver) -> Link:
 def _checked(text: str) -> str:
     """Return the text of a valid link URL; raises ValueError, which pydantic reports with its position."""
     try:
-        parse(text)
+        parse_link_url(text)
     except LinkRefused as error:
         raise ValueError(str(error)) from None
     return text
@@ -140,7 +140,7 @@ async def open_link(url: str, receiver: Receiver) -> Link:
     Raises LinkRefused when a person must act (bad URL, port in use, no permission, missing extra) and
     LinkLost when a retry may succeed (no answer, device not plugged in).
     """
-    parts = parse(url)
+    parts = parse_link_url(url)
     return await _OPENERS[parts.scheme](parts, receiver)
 
 

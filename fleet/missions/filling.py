@@ -10,10 +10,14 @@ from fleet.config.missions import Mission
 from fleet.errors import Refused
 from fleet.missions.model import ALL, CountConfig, RoleConfig
 from fleet.missions.program import Do, Program, RoleNeed
+from fleet.missions.rehearsal import Point
 from fleet.missions.report import StartAsk
 from fleet.missions.roles import Candidate, filled, is_meant, runs_in_the_way, spare_of, spares
 from fleet.missions.run import Run
 from fleet.missions.state import Member
+
+Rehearsed = Callable[[Program, dict[str, list[str]] | None, dict[str, Point | None]], str]
+"""Why a mission may not be started by what was rehearsed, by its robots by role and where robots are."""
 
 
 class Filling:
@@ -31,10 +35,15 @@ class Filling:
         self._candidates = candidates
         self._runs = runs
         self._is_full = is_full
+        self.rehearsed: Rehearsed = lambda *_: "rehearsals are not kept here"
 
-    def fill(self, mission: Mission, program: Program, ask: StartAsk) -> dict[str, list[str]]:
-        """Return who would fill the roles of a mission; raises Refused."""
-        _require_rehearsal(mission)
+    def fill(
+        self, mission: Mission, program: Program, ask: StartAsk, *, rehearses: bool = False
+    ) -> dict[str, list[str]]:
+        """Return who would fill the roles of a mission; raises Refused.
+
+        Also where it must be rehearsed and was not, unless this is for a rehearsal.
+        """
         needs, free = needs_of(program), self._free(ask.run)
         found = filled(mission.config.roles, needs, free, program.require, ask.robots)
         taken = [robot for robots in found.values() for robot in robots]
@@ -45,14 +54,27 @@ class Filling:
             theirs = [each for each in free if each.name in robots]
             wanted = {name: _config_of(need) for name, need in inner.roles.items()}
             found |= filled(wanted, needs, theirs, inner.require, ask.robots)
+        if not rehearses:
+            self._require_rehearsal(mission, program, ask, found)
         return found
+
+    def _require_rehearsal(
+        self, mission: Mission, program: Program, ask: StartAsk, roles: dict[str, list[str]] | None
+    ) -> None:
+        """Raise Refused for a mission that must be rehearsed and was not; ``roles``: None while not known."""
+        if mission.config.rehearse != "required":
+            return
+        places = {each.name: each.facts.position for each in self._candidates()}
+        why = self.rehearsed(program, roles, places)
+        if why:
+            raise Refused(f"it must be rehearsed first, and {why}", hint=rehearse_command(mission.name, ask))
 
     def in_the_way(self, mission: Mission, program: Program, ask: StartAsk) -> list[str]:
         """Return the runs of the same mission, at its places, and with robots that it needs.
 
         Raises Refused where it could not be started even if they ended.
         """
-        _require_rehearsal(mission)
+        self._require_rehearsal(mission, program, ask, None)
         needs, free = needs_of(program), self._free(ask.run)
         found = runs_in_the_way(mission.config.roles, needs, free, program.require, ask.robots)
         for run in self._runs():
@@ -79,6 +101,14 @@ class Filling:
             now = has.get(each.name, each.run)
             found.append(msgspec.structs.replace(each, run="" if now == run else now))
         return found
+
+
+def rehearse_command(name: str, ask: StartAsk) -> str:
+    """Return what a person types to rehearse what was asked for."""
+    words = ["fleet mission rehearse", name if ask.mission is None else "FILE"]
+    words += [f"{key}={value}" for key, value in ask.inputs.items()]
+    words += [f"--robot {role}={robot}" for role, robots in ask.robots.items() for robot in robots]
+    return " ".join(words)
 
 
 def roles_of(role: str, roles: Iterable[str]) -> list[str]:
@@ -117,12 +147,6 @@ def _config_of(need: RoleNeed) -> RoleConfig:
     return RoleConfig.model_validate(
         {"from": need.source, "kind": need.kind, "can": need.can, "count": count}
     )
-
-
-def _require_rehearsal(mission: Mission) -> None:
-    """Raise Refused for a mission that must be rehearsed."""
-    if mission.config.rehearse == "required":
-        raise Refused("the mission must be rehearsed first, and rehearsals are not built yet")
 
 
 def needs_of(program: Program) -> dict[str, frozenset[str]]:

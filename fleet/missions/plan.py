@@ -52,6 +52,21 @@ _ITEMS: Mapping[int, tuple[str, Callable[[_Params], dict[str, Any]]]] = MappingP
 )
 
 
+PILOT = "pilot"
+"""The role of the aircraft that flies a plan."""
+
+
+def mission_of_plan(plan: Mapping[str, Any], summary: str) -> dict[str, Any]:
+    """Return the mission, as data, of one step that lets one aircraft fly a plan from its memory."""
+    return {
+        "version": 1,
+        "summary": summary[:200],
+        "roles": {PILOT: {"can": ["plan"]}},
+        "steps": [{"id": "fly", "timeout": "1 h", "do": {PILOT: {"plan": dict(plan)}}}],
+        "on_restart": "hold_and_ask",
+    }
+
+
 def plan_in(data: bytes) -> dict[str, Any]:
     """Return the plan of a file, a .plan or an ``aerial.mission.v1``; raises WireError."""
     try:

@@ -17,7 +17,8 @@ class StartAsk(msgspec.Struct, frozen=True, omit_defaults=True):
 
     ``mission`` is one that is sent along, its files in it; left out, the edge's own of the key's name is
     meant. ``robots`` are those that a person chose for roles. ``run`` is an id of the asker's, so that a
-    repeat is the same run; left out, one is made.
+    repeat is the same run; left out, one is made. With a ``timestamp`` (Unix s, the asker's clock) each robot
+    judges the start like a command of that age; without one the start is as old as its arrival.
     """
 
     mission: dict[str, Any] | None = None
@@ -27,6 +28,7 @@ class StartAsk(msgspec.Struct, frozen=True, omit_defaults=True):
     only_fill: bool = False
     session_id: str = ""
     source_type: str | None = None
+    timestamp: float | None = None
 
 
 class Started(msgspec.Struct, frozen=True, omit_defaults=True):

@@ -92,10 +92,23 @@ class Surroundings(Protocol):
 
 
 class Run:
-    """One run. ``elapsed``: seconds of its own clock so far, of earlier processes too."""
+    """One run. ``elapsed``: seconds of its own clock so far, of earlier processes too.
 
-    def __init__(self, about: About, engine: Engine, around: Surroundings, *, elapsed: float = 0.0) -> None:
+    ``stamp``: when it was asked for by the clock of who did (Unix s); None where that is not known, and for a
+    run that is taken up again.
+    """
+
+    def __init__(
+        self,
+        about: About,
+        engine: Engine,
+        around: Surroundings,
+        *,
+        elapsed: float = 0.0,
+        stamp: float | None = None,
+    ) -> None:
         self.about = about
+        self._stamp = stamp
         self.engine = engine
         self._around = around
         self._elapsed = elapsed
@@ -254,7 +267,12 @@ class Run:
         answer: Callable[[Reply], None] = lambda _: None,
     ) -> None:
         """Send a robot a message in the name of who started the run."""
-        payload = self._payload(message)
+        self._send(robot, kind, self._payload(message), answer, identity)
+
+    def _send(
+        self, robot: str, kind: Kind, payload: bytes, answer: Callable[[Reply], None], identity: str = ""
+    ) -> None:
+        """Send a robot a message over the transport by which the run was started."""
         way = Transport(self.about.way)
         asked = self._around.robots[robot].read(kind, payload, way=way, request_id=identity, waits=True)
         if asked is not None:
@@ -275,29 +293,39 @@ class Run:
         self.take(Replied(part.identity, outcome, reply.reason))
 
     def join(self, robot: str, answer: Callable[[Reply], None]) -> None:
-        """Ask for a robot; it obeys nobody else's motion until it is given back."""
+        """Ask for a robot; it obeys nobody else's motion until it is given back.
+
+        It is asked in the words of who started the run, so that one that was late, or asked before a stop,
+        is refused by the robot itself.
+        """
 
         def answered(reply: Reply) -> None:
             if reply.done:
                 self._membership.joined(robot)
             answer(reply)
 
-        self._ask(robot, "command", {"command": JOIN, "data": {"run": self.id}}, "", answered)
+        message = {"command": JOIN, "data": {"run": self.id}}
+        if self._stamp is None:
+            self._ask(robot, "command", message, "", answered)
+            return
+        asker, source_type = self.about.by, self.about.source_type
+        payload = payload_of(message, session=asker, source_type=source_type, now=self._stamp)
+        self._send(robot, "command", payload, answered)
 
     def _enlist(self, robot: str) -> None:
         """Ask for a spare; one that fleet.yaml has no more is not asked."""
-        if robot in self._around.robots:
-            self.join(robot, partial(self._enlisted, robot))
-        else:
+        if robot not in self._around.robots:
             self.take(Enlisted(robot, "fleet.yaml has it no more"))
-
-    def _enlisted(self, robot: str, reply: Reply) -> None:
-        """Take the answer of a spare; one that joins a run that has ended is given back."""
-        if reply.ok and not reply.done:
             return
-        if reply.ok and self.engine.over:
-            self.leave(robot)
-        self.take(Enlisted(robot, "" if reply.ok else reply.reason or "it refused"))
+
+        def answered(reply: Reply) -> None:
+            if reply.ok and not reply.done:
+                return
+            if reply.ok and self.engine.over:  # it joins a run that has ended
+                self.leave(robot)
+            self.take(Enlisted(robot, "" if reply.ok else reply.reason or "it refused"))
+
+        self.join(robot, answered)
 
     def _give_back(self) -> None:
         """Give all robots back, but those that were spares to the end."""

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import hashlib
 import logging
+import re
 import secrets
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
@@ -48,6 +49,7 @@ log = logging.getLogger(__name__)
 JOIN_WITHIN = 5.0  # s for all robots of a run to join it
 BACK_WITHIN = 20.0  # s for robots to answer again after a restart of the edge
 MOST = 64  # runs at once
+_RUN_ID = re.compile(r"[A-Za-z0-9-]{1,40}")
 
 _CONTROLS: Mapping[str, Callable[[str], Event]] = {"pause": Pause, "resume": Resume, "abort": Abort}
 Allowed = Callable[[str, Origin, bool, bool], str | None]
@@ -123,8 +125,26 @@ class Runs:
 
     # -- starting --------------------------------------------------------------------------------------
 
-    def start(self, mission: Mission, program: Program, ask: StartAsk, way: Transport, began: Began) -> None:
-        """Start a mission; ``began`` hears, on the loop, that it has, or why not."""
+    def find(self, run: str) -> Run | None:
+        """Return a run that is under way."""
+        return self._runs.get(run)
+
+    def start(
+        self,
+        mission: Mission,
+        program: Program,
+        ask: StartAsk,
+        way: Transport,
+        began: Began,
+        *,
+        workflow: str = "",
+        admitted: bool = False,
+    ) -> None:
+        """Start a mission; ``began`` hears, on the loop, that it has, or why not.
+
+        ``workflow`` is the one of the cloud that asks. ``admitted``: the caller has checked that every robot
+        lets the asker do every step.
+        """
         run = ask.run or secrets.token_hex(4)
         if run in self._runs or run in self._pending:
             began(run, {}, "")  # a repeat is the same run
@@ -136,7 +156,8 @@ class Runs:
         try:
             self._places.require(program)
             roles = self.filling.fill(mission, program, ask)
-            self._require_authority(program, roles, Origin(way, ask.source_type, ask.session_id))
+            if not admitted:
+                self._require_authority(program, roles, Origin(way, ask.source_type, ask.session_id))
             engine = Engine(run, program, members_of(program, roles))
             self._require_ways(engine)
         except Refused as error:
@@ -151,8 +172,9 @@ class Runs:
             way.value,
             ask.source_type,
             dict(ask.inputs),
+            workflow,
         )
-        made = Run(about, engine, self)
+        made = Run(about, engine, self, stamp=ask.timestamp)
         self._join(made, partial(self._joined, made, roles, began))
 
     def _require_authority(
@@ -303,6 +325,12 @@ class Runs:
         for robot, why in refused.items():
             run.take(Left(robot, Outcome.LOST, why))
         run.take(Restarted())
+
+
+def check_run_id(run: str) -> None:
+    """Raise Refused for what cannot be the id of a run: it is part of keys and of the identities of parts."""
+    if not _RUN_ID.fullmatch(run):
+        raise Refused(f"{run[:40]!a} cannot be the id of a run: up to 40 letters, digits and -")
 
 
 class _Pending(msgspec.Struct):

@@ -54,7 +54,8 @@ _encode = msgspec.json.Encoder().encode
 class About(msgspec.Struct, frozen=True, omit_defaults=True):
     """What was started: by whom, when (Unix s), with which inputs; ``hash`` is of the program and the roles.
 
-    ``way`` and ``source_type`` are the authority under which its robots are commanded.
+    ``way`` and ``source_type`` are the authority under which its robots are commanded. ``workflow`` is the
+    one of the cloud that started it.
     """
 
     run: str
@@ -65,6 +66,7 @@ class About(msgspec.Struct, frozen=True, omit_defaults=True):
     way: str = "bus"
     source_type: str | None = None
     inputs: dict[str, object] = {}
+    workflow: str = ""
 
 
 class Told(msgspec.Struct, frozen=True, omit_defaults=True):
@@ -174,6 +176,13 @@ class Store:
         """Give ``told``, on the store's thread, the runs that ended, the newest first."""
         self._thread.submit(lambda: told(self._ended(most)))
 
+    def ended_run(self, run: str, told: Callable[[tuple[About, Head, list[Member]] | None], None]) -> None:
+        """Give ``told``, on the store's thread, a run that has ended; None where none of this id has."""
+        try:
+            self._thread.submit(lambda: told(self._ended_run(run)))
+        except RuntimeError:  # we are closed
+            told(None)
+
     def story(self, run: str, told: Callable[[list[Told]], None]) -> None:
         """Give ``told``, on the store's thread, the story of a run, the oldest line first."""
         self._thread.submit(lambda: told(self._story(run)))
@@ -248,12 +257,21 @@ class Store:
         for table, column in (("note", "run"), ("part", "run"), ("member", "run"), ("run", "id")):
             database.executemany(f"DELETE FROM {table} WHERE {column} = ?", [(run,) for run in gone])  # noqa: S608 - ours
 
-    def _ended(self, most: int) -> list[tuple[About, Head, list[Member]]]:
-        """Read the runs that ended."""
+    def _ended_run(self, run: str) -> tuple[About, Head, list[Member]] | None:
+        """Read a run that has ended; None where there is none, or the file fails."""
+        try:
+            return next(iter(self._ended(1, run)), None)
+        except (msgspec.DecodeError, sqlite3.Error) as error:
+            self._fail(error)
+            return None
+
+    def _ended(self, most: int, run: str = "") -> list[tuple[About, Head, list[Member]]]:
+        """Read the runs that ended, or one of them."""
         if self._database is None:
             return []
         rows = self._database.execute(
-            "SELECT id, about, head FROM run WHERE ended = 1 ORDER BY stamp DESC LIMIT ?", (most,)
+            "SELECT id, about, head FROM run WHERE ended = 1 AND ? IN ('', id) ORDER BY stamp DESC LIMIT ?",
+            (run, most),
         ).fetchall()
         return [
             (

@@ -46,3 +46,9 @@ def step_of(name: str) -> str:
 def phase_words(phase: str, step: str) -> str:
     """Return what a run does."""
     return PHASES.get(phase, phase).format(step=step_of(step))
+
+
+def told_line(text: str, robot: str, step: str) -> str:
+    """Return a line of a run's story as a sentence."""
+    said = f"{robot} {text}" if robot else text
+    return f"{said} (step {step_of(step)})" if step else said

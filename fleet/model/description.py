@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import msgspec
 
+from fleet.model.polygon import Polygon
+
 
 class ParameterDescription(msgspec.Struct, frozen=True, omit_defaults=True):
     """One parameter of a command: type in words, whether it is required, default, range and unit."""
@@ -33,6 +35,16 @@ class CommandDescription(msgspec.Struct, frozen=True, omit_defaults=True):
     refusal: str = ""
 
 
+class FenceDescription(msgspec.Struct, frozen=True, omit_defaults=True):
+    """The polygons of a robot's fence, corners in metres in its world.
+
+    It must be in one of ``inclusion``, where there are any, and in none of ``exclusion``.
+    """
+
+    inclusion: tuple[Polygon, ...] = ()
+    exclusion: tuple[Polygon, ...] = ()
+
+
 class RobotDescription(msgspec.Struct, frozen=True, omit_defaults=True):
     """One robot: its commands, and whether it also accepts velocities, goals and missions.
 
@@ -47,3 +59,4 @@ class RobotDescription(msgspec.Struct, frozen=True, omit_defaults=True):
     goals: bool = False
     missions: bool = False
     limits: dict[str, float] = {}
+    fence: FenceDescription | None = None

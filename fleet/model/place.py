@@ -13,7 +13,7 @@ import msgspec
 
 from fleet.model.geodesy import GeoOrigin, GeoPoint, world_from_geo
 from fleet.model.geometry import Vector3
-from fleet.model.polygon import Point, Polygon, centroid, contains
+from fleet.model.polygon import Point, Polygon, centroid, polygon_contains
 
 PlaceKind = Literal["dock", "pad", "door", "area"]
 PlaceFrame = Literal["site", "geodetic"]
@@ -52,7 +52,7 @@ class Place(msgspec.Struct, frozen=True, omit_defaults=True):
             return True
         if self.radius is not None and step.horizontal() > self.radius:
             return False
-        return not self.polygon or contains(self._around(), (step.x, step.y))
+        return not self.polygon or polygon_contains(self._around(), (step.x, step.y))
 
     def _around(self) -> Polygon:
         """Return the polygon in metres, its origin the point of the place."""
@@ -67,7 +67,7 @@ def point_of(polygon: Polygon, height: tuple[float, float] | None) -> tuple[floa
     Empty where the middle lies outside of it, as in the bend of an L.
     """
     middle = centroid(polygon)
-    if not contains(polygon, middle):
+    if not polygon_contains(polygon, middle):
         return ()
     return middle if height is None else (*middle, (height[0] + height[1]) / 2)
 
@@ -81,5 +81,5 @@ def metric(polygon: Polygon, origin: GeoOrigin) -> Polygon:
 def may_be(point: Point, inclusion: Iterable[Polygon], exclusion: Iterable[Polygon]) -> bool:
     """Return whether a fence of these polygons lets a robot be at a point; no inclusion: anywhere else."""
     allowed = tuple(inclusion)
-    inside = not allowed or any(contains(polygon, point) for polygon in allowed)
-    return inside and not any(contains(polygon, point) for polygon in exclusion)
+    inside = not allowed or any(polygon_contains(polygon, point) for polygon in allowed)
+    return inside and not any(polygon_contains(polygon, point) for polygon in exclusion)

@@ -16,7 +16,7 @@ def edges(polygon: Polygon) -> Iterator[Edge]:
     return itertools.pairwise((*polygon, polygon[0]))
 
 
-def contains(polygon: Polygon, point: Point) -> bool:
+def polygon_contains(polygon: Polygon, point: Point) -> bool:
     """Return whether a point is inside; on the border it may be either."""
     # Ray casting: a ray towards +x crosses the border an odd number of times from inside.
     x, y = point

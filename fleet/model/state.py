@@ -12,6 +12,8 @@ from fleet.model.site import Placement
 class RobotState(msgspec.Struct, frozen=True, omit_defaults=True):
     """Current state of one robot. ``position`` is metres in its world frame; ``health`` a word of ``Level``.
 
+    ``heading`` is radians counter-clockwise from +x of its world.
+
     ``senders``: recent senders of time-stamped requests, each with the sum of its clock offset and network
     delay in seconds; a positive value means a slow clock or a late message.
 
@@ -63,6 +65,7 @@ class RobotState(msgspec.Struct, frozen=True, omit_defaults=True):
     age: float | None = None
     run: str = ""
     left_run: str = ""
+    heading: float | None = None
 
 
 class EdgeState(msgspec.Struct, frozen=True, omit_defaults=True):

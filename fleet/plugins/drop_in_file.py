@@ -19,7 +19,7 @@ from types import ModuleType
 
 import msgspec
 
-from fleet.adapter import Adapter, AnyAdapter, FrameAdapter
+from fleet.adapter import ADAPTER_API, Adapter, AnyAdapter, FrameAdapter
 from fleet.commands import BadDeclaration
 from fleet.robot_config import AdapterConfig, Limits
 
@@ -113,6 +113,7 @@ def checked(adapter: object) -> str:
     if inspect.isabstract(adapter):
         missing = ", ".join(sorted(adapter.__abstractmethods__))
         raise Unusable(f"{adapter.__name__} does not define {missing}")
+    _check_api(adapter)
     config = getattr(adapter, "Config", None)
     if not (inspect.isclass(config) and issubclass(config, AdapterConfig)):
         raise Unusable(f"{adapter.__name__} needs a class attribute Config, a subclass of AdapterConfig")
@@ -123,6 +124,16 @@ def checked(adapter: object) -> str:
     _check_fields(config)
     _check_attributes(adapter)
     return names[0]
+
+
+def _check_api(adapter: type[AnyAdapter]) -> None:
+    """Refuse a class that was written for another version of the API for adapters."""
+    if adapter.api != ADAPTER_API:
+        newer = isinstance(adapter.api, int) and adapter.api > ADAPTER_API
+        raise Unusable(
+            f"{adapter.__name__} was written for version {adapter.api!r} of the adapter API, this fleet has "
+            f"version {ADAPTER_API}: " + ("upgrade fleet" if newer else "upgrade the adapter")
+        )
 
 
 def _check_fields(config: type[AdapterConfig]) -> None:

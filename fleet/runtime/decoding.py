@@ -39,7 +39,7 @@ def decode_json(data: bytes | str, kind: type[T]) -> T:
     return decoded
 
 
-def convert(value: object, kind: type[T], *, from_attributes: bool = False) -> T:
+def convert_strictly(value: object, kind: type[T], *, from_attributes: bool = False) -> T:
     """Convert plain values to a type, strictly; raises msgspec.ValidationError."""
     json_decoder(kind)  # has msgspec analyse the type under the lock
     return msgspec.convert(value, kind, strict=True, from_attributes=from_attributes)

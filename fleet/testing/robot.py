@@ -157,7 +157,7 @@ class _Robot:
 
 
 class RecordingRobot(_Robot):
-    """What an adapter's ``run`` is given in a test that turns the wheel itself.
+    """What an adapter's ``run`` is given in a test that advances the time itself.
 
     ``reports``, ``healths`` and ``losses`` are what it was told, oldest first.
     """

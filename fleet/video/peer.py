@@ -50,7 +50,7 @@ class VideoPeer:
         return self._connection.iceConnectionState
 
     async def offer(self) -> str:
-        """Return the SDP of the offer, with all local candidates in it."""
+        """Return the SDP of the offer, with all local candidates: aiortc has no event for one."""
         await self._connection.setLocalDescription(await self._connection.createOffer())
         return self._connection.localDescription.sdp
 

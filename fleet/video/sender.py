@@ -4,21 +4,25 @@ from __future__ import annotations
 
 import asyncio
 import logging
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Coroutine, Sequence
+from typing import Any, TypeVar
 
 from aiortc import RTCIceServer
 
 from fleet.camera.camera import Camera
 from fleet.camera.picture import Picture
 from fleet.clock import Clock
-from fleet.errors import TimedOut
+from fleet.errors import Refused, TimedOut
 from fleet.video.peer import VideoPeer
 from fleet.video.signals import Candidate, VideoStream, offer_message
 from fleet.video.track import CameraTrack
 
 log = logging.getLogger(__name__)
 
+T = TypeVar("T")
+
 FIRST_PICTURE = 3.0  # s to wait for the first picture; less than the 4 s that the edge waits for our reply
+OFFER = 0.5  # s to wait for the offer; aiortc asks an ICE server that does not answer for 5 s
 
 
 class VideoSender:
@@ -47,14 +51,14 @@ class VideoSender:
         self._clock = clock
         self._changing = asyncio.Lock()
         self._peer: VideoPeer | None = None
-        self._ends: set[asyncio.Task[None]] = set()
+        self._tasks: set[asyncio.Task[Any]] = set()
         self._config: dict[str, object] = {}
         self._starts = 0
         self._began = 0.0
         self._counted = (0, 0.0)  # frames, and when they were counted
 
     async def start(self, *, recording: bool) -> None:
-        """Offer the stream, unless it is connected; raises CommandError when the camera gives no picture.
+        """Offer the stream, unless it is connected; raises CommandError without a picture or an offer.
 
         A stream that still waits for an answer is offered again: the last offer may have been lost.
         """
@@ -74,16 +78,34 @@ class VideoSender:
             }
             track = CameraTrack(self._camera, self._rate, self._clock)
             self._peer = VideoPeer(track, self._ice_servers, self._ended)
-            sdp = await self._peer.offer()
+            offering = self._begin(self._make_offer(self._peer, picture, recording=recording))
+            await asyncio.wait({offering}, timeout=OFFER)
+            if offering.done() and (why := offering.result()):
+                raise Refused(why)
+
+    async def _make_offer(self, peer: VideoPeer, picture: Picture, *, recording: bool) -> str:
+        """Publish the offer once all local candidates are known, unless the stream has ended by then.
+
+        Returns why there is none, else an empty text; the stream has then ended.
+        """
+        try:
+            sdp = await peer.offer()
+        except Exception as error:  # noqa: BLE001 - aiortc raises any kind of exception
+            why = f"no offer could be made: {error!r}"
+            if peer is self._peer:
+                self._ended(why)
+            return why
+        if peer is self._peer:
             self._offer(
                 offer_message(
                     sdp,
-                    VideoStream(self.sensor, track.id, f"{self._session}_{self.sensor}"),
+                    VideoStream(self.sensor, peer.track.id, f"{self._session}_{self.sensor}"),
                     recording=recording,
                     attributes={"width": picture.width, "height": picture.height, "fps": self._rate},
                     stamp=self._clock.time(),
                 )
             )
+        return ""
 
     async def stop(self) -> None:
         """End the stream, if there is one, and close the camera."""
@@ -140,9 +162,14 @@ class VideoSender:
     def _ended(self, why: str) -> None:
         """Clean up after a stream that ended by itself."""
         log.warning("video of %s ended: %s", self.sensor, why)
-        task = asyncio.get_running_loop().create_task(self._clear(self._peer))
-        self._ends.add(task)
-        task.add_done_callback(self._ends.discard)
+        self._begin(self._clear(self._peer))
+
+    def _begin(self, work: Coroutine[object, object, T]) -> asyncio.Task[T]:
+        """Start a task that is kept alive until it ends."""
+        task = asyncio.get_running_loop().create_task(work)
+        self._tasks.add(task)
+        task.add_done_callback(self._tasks.discard)
+        return task
 
     async def _clear(self, peer: VideoPeer | None) -> None:
         """Close a peer, unless it has been replaced meanwhile."""

@@ -83,19 +83,33 @@ def decode_mission(payload: bytes, *, way: Transport, twin: str = "") -> Navigat
     return Navigate(ask, execution, origin, stamp, MISSION)
 
 
+def document_in(payload: bytes) -> dict[str, object]:
+    """Return the ``aerial.mission.v1`` of a ``start`` command, as a document; raises WireError."""
+    return _document(given(parse_object(payload)))
+
+
+def run_of(action_id: str) -> str:
+    """Return the run of the part of a mission that an action carries out; empty for any other action.
+
+    The identity of a part is run/step/robot/attempt.
+    """
+    run, *rest = action_id.split("/")
+    return run if len(rest) == 3 else ""
+
+
 def _started(name: str, message: Mapping[str, object], execution: str) -> FlyMission:
     """Read the mission of a ``start`` command."""
     if name != "start":
         raise WireError(f"start, pause, resume or cancel is needed, not {name!a}", where="command")
     if not execution:
         raise WireError("is missing", where=EXECUTION)
+    return plan_of(_document(message), "mission" if "mission" in message else "")
+
+
+def _document(message: Mapping[str, object]) -> dict[str, object]:
+    """Return the mission of a message, or its steps as the items of one."""
     if "mission" in message:
-        return plan_of(given(child(message, "mission")), "mission")
-    return _from_steps(message)
-
-
-def _from_steps(message: Mapping[str, object]) -> FlyMission:
-    """Read the steps as the items of a mission."""
+        return given(child(message, "mission"))
     steps = _items(message, "steps", "")
     items = []
     for at, step in enumerate(steps):
@@ -103,7 +117,7 @@ def _from_steps(message: Mapping[str, object]) -> FlyMission:
         members = _members(step, where)
         params = given(child(members, "params", where)) if "params" in members else {}
         items.append({**params, "type": text(members, "type", where)})
-    return plan_of({"contract": CONTRACT, "name": message.get("name") or "steps", "items": items}, "")
+    return {"contract": CONTRACT, "name": message.get("name") or "steps", "items": items}
 
 
 def plan_of(mission: Mapping[str, object], where: str) -> FlyMission:

@@ -37,6 +37,7 @@ from fleet.wire.arrays import check_depth, check_pointcloud
 from fleet.wire.encoding import encode_finite
 from fleet.wire.events import TOLD_TO_THE_CLOUD, event_body
 from fleet.wire.layouts import MessageSource, depth_data
+from fleet.wire.missions import run_of
 from fleet.wire.rules import Layout
 from fleet.wire.states import STATES, State
 from fleet.wire.strict import finite, without_nulls
@@ -200,11 +201,15 @@ def _navigation(report: NavigationReport) -> Leaves:
 
 
 def _mission_status(report: NavigationReport) -> Leaves:
-    """One status of one mission; a blocked mission is sent as running."""
-    blocked = report.state is ActionState.BLOCKED
+    """One status of one mission; a blocked mission is sent as running.
+
+    A plan that is part of a run is told as that run, whose own status says how it ends.
+    """
+    run = run_of(report.action_id)
+    runs = bool(run) or report.state is ActionState.BLOCKED
     body: Body = {
-        "mission_execution_uuid": report.action_id,
-        "status": ActionState.RUNNING if blocked else report.state,
+        "mission_execution_uuid": run or report.action_id,
+        "status": ActionState.RUNNING if runs else report.state,
         "current_step": report.step,
         "message": report.message,
     }

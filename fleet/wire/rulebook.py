@@ -12,6 +12,7 @@ from fleet.wire.rules import (
     ENVIRONMENT,
     INWARD,
     NOT_OF_A_TWIN,
+    OF_A_WORKFLOW,
     RULES,
     InboundRule,
     Layout,
@@ -144,6 +145,11 @@ def of_a_twin(book: Rulebook) -> Rulebook:
 def of_an_environment(book: Rulebook) -> Rulebook:
     """Return the rules that apply to the uuid of an environment."""
     return _only(book, lambda suffix: suffix == ENVIRONMENT)
+
+
+def of_a_workflow(book: Rulebook) -> Rulebook:
+    """Return the rules that apply to the uuid of a workflow."""
+    return _only(book, OF_A_WORKFLOW.__contains__)
 
 
 def of_any_run(book: Rulebook) -> Rulebook:

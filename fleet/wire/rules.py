@@ -18,6 +18,9 @@ from fleet.wire.topics import JOINT_UPDATE
 
 REPLY_INBOX = "command/+/response"  # + is the requester's client id
 ENVIRONMENT = "environment:+"  # + is the type of update
+WORKFLOW_RUN, WORKFLOW_CANCEL = "workflow:run", "workflow:cancel"
+WORKFLOW_STARTED = "workflow:execution/started"
+WORKFLOW_FINISHED = "workflow:execution/+/finished"  # + is the execution
 LARGEST = 32 * 1024 * 1024  # bytes; the largest message that Cyberwave's broker accepts
 KIB = 1024
 MIB = 1024 * KIB
@@ -123,17 +126,20 @@ class InboundRule(msgspec.Struct, frozen=True):
 
 
 _K, _M = KIB, MIB
+_R = TrafficClass.REPLY
 _S, _E, _L, _X = TrafficClass.STATUS, TrafficClass.EVENT, TrafficClass.LATEST, TrafficClass.STREAM
 _SAID, _DOC = TopicForm.SAID, TopicForm.DOCUMENT
 _BUS = Recipient.RELAY
 
 _TABLE = (
-    TopicRule(REPLY_INBOX, "", TrafficClass.REPLY, 1, 0, 0, "the one reply to an MQTT 5 request", _SAID, 30),
+    TopicRule(REPLY_INBOX, "", _R, 1, 0, 0, "the one reply to an MQTT 5 request", _SAID, 30),
+    TopicRule("command", "", _R, 1, 0, 0, "status of a command, and how it ended", _SAID, 3600),
     TopicRule(
-        "command", "", TrafficClass.REPLY, 1, 0, 0, "status of a command, and how it ended", _SAID, 3600
+        "start_video/status", "start_video_status", _R, 1, 0, 0, "result of start_video", _DOC, 30, 4 * _K
     ),
-    TopicRule("start_video/status", "", TrafficClass.REPLY, 1, 0, 0, "result of start_video", _SAID, 30),
-    TopicRule("stop_video/status", "", TrafficClass.REPLY, 1, 0, 0, "result of stop_video", _SAID, 30),
+    TopicRule(
+        "stop_video/status", "stop_video_status", _R, 1, 0, 0, "result of stop_video", _DOC, 30, 4 * _K
+    ),
     TopicRule("navigate/status", "navigate_status", _S, 1, 0, 0, "status of an action"),
     TopicRule("mission/status", "navigate_status", _S, 1, 0, 0, "status of a mission"),
     TopicRule(
@@ -158,6 +164,8 @@ _TABLE = (
         MIB,
         sensors=True,
     ),
+    TopicRule(WORKFLOW_STARTED, "", _S, 1, 0, 0, "a workflow's mission was started", _SAID),
+    TopicRule(WORKFLOW_FINISHED, "", _S, 1, 0, 0, "how a workflow's mission ended", _SAID),
     TopicRule("pong:response", "", _L, 0, 0, 0, "the answer to a ping at one of our twins", _SAID),
     TopicRule("ping:request", "", _L, 0, 0.1, 0, "measures the round trip to the cloud", _SAID),
     TopicRule("edge_health", "", _L, 0, 0.2, 0, "the edge's heartbeat for a twin", _SAID),
@@ -216,6 +224,10 @@ _INWARD_TABLE = (
     InboundRule("pong:response", Recipient.EDGE, 0, "the cloud's answer to our ping", size=4 * _K),
     InboundRule(ENVIRONMENT, _BUS, 1, "an update of an environment", "cloud", 20, _M),
     InboundRule(
+        WORKFLOW_RUN, Recipient.EDGE, 1, "starts the mission that fleet.yaml has for a workflow", size=64 * _K
+    ),
+    InboundRule(WORKFLOW_CANCEL, Recipient.EDGE, 1, "aborts a run of that mission", size=64 * _K),
+    InboundRule(
         "workflow-run:status",
         _BUS,
         1,
@@ -229,8 +241,10 @@ _INWARD_TABLE = (
 
 INWARD: Mapping[str, InboundRule] = MappingProxyType({rule.suffix: rule for rule in _INWARD_TABLE})
 
-NOT_OF_A_TWIN = frozenset({ENVIRONMENT, "workflow-run:status"})
-"""Topics whose uuid is not that of a twin. Environments are named in fleet.yaml; runs can be any."""
+OF_A_WORKFLOW = frozenset({WORKFLOW_RUN, WORKFLOW_CANCEL, WORKFLOW_STARTED, WORKFLOW_FINISHED})
+NOT_OF_A_TWIN = OF_A_WORKFLOW | {ENVIRONMENT, "workflow-run:status"}
+"""Topics whose uuid is not that of a twin. Environments and workflows are named in fleet.yaml; the runs of
+workflows can be any."""
 
 
 def rule_of(suffix: str) -> TopicRule | None:
@@ -239,4 +253,6 @@ def rule_of(suffix: str) -> TopicRule | None:
         return RULES[REPLY_INBOX]
     if suffix.startswith("environment:"):
         return RULES[ENVIRONMENT]
+    if suffix.startswith("workflow:execution/") and suffix.endswith("/finished"):
+        return RULES[WORKFLOW_FINISHED]
     return RULES.get(suffix)

@@ -16,7 +16,7 @@ import msgspec
 from fleet.errors import ConfigError, WireError
 
 JOINT_UPDATE = "joint:update"
-NAMESPACES = frozenset({"joint", "environment", "ping", "pong", "workflow-run"})
+NAMESPACES = frozenset({"joint", "environment", "ping", "pong", "workflow", "workflow-run"})
 """Topic levels that can replace ``twin``."""
 
 _TWIN = re.compile(r"[0-9a-fA-F]{8}(?:-[0-9a-fA-F]{4}){3}-[0-9a-fA-F]{12}")

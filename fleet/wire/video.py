@@ -23,6 +23,8 @@ VIDEO_TYPES: Mapping[str, str] = MappingProxyType(
     {"start_video": "video_started", "stop_video": "video_stopped"}
 )
 """The ``type`` of the status message of each command."""
+STATUS_CHANNELS: Mapping[str, str] = MappingProxyType({name: f"{name}_status" for name in VIDEO_TYPES})
+"""The bus channel of the status of each command, for those that the cloud has not sent."""
 
 
 class VideoRequest(msgspec.Struct, frozen=True):

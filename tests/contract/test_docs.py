@@ -111,8 +111,8 @@ def test_every_dependency_is_explained(root, project):
 
 
 def explained(root):
-    """Return each package with its bound, as the tables of docs/explanation/dependencies.md have them."""
-    lines = (root / "docs" / "explanation" / "dependencies.md").read_text().splitlines()
+    """Return each package with its bound, as the tables of docs/dependencies.md have them."""
+    lines = (root / "docs" / "dependencies.md").read_text().splitlines()
     rows = [[cell.strip() for cell in line.strip("| ").split("|")] for line in lines if line.startswith("|")]
     told = [
         row[-3:-1] for row in rows if (len(row) in (3, 4) and row[-2] == "any") or re.match("[<>=]", row[-2])

@@ -2,6 +2,7 @@
 
 import ast
 import importlib
+import typing
 
 import pytest
 
@@ -26,8 +27,42 @@ def test_all_public_names_are_loaded_from_where_they_live():
         assert getattr(fleet, name) is getattr(importlib.import_module(module), name)
 
 
-def test_the_public_surface_is_small():
-    assert len(fleet.__all__) <= 42
+# What the packages of robots may import: the API, and the tools for simulators and tests.
+PUBLIC = ("fleet", "fleet.sim", "fleet.testing")
+
+
+def _imports(path):
+    """Yield (line, module) of each import of a source."""
+    for node in ast.walk(ast.parse(path.read_text())):
+        if isinstance(node, ast.ImportFrom):
+            yield node.lineno, node.module or ""
+        elif isinstance(node, ast.Import):
+            yield from ((node.lineno, each.name) for each in node.names)
+
+
+def test_adapters_and_plugins_import_only_what_is_public(root):
+    """A plugin imports another package of robots by its top level alone."""
+    found = set()
+    for folder in ("adapters", "plugins", "examples"):
+        for path in (root / folder).rglob("*.py"):
+            own = path.relative_to(root / folder).parts[0]
+            for line, module in _imports(path):
+                top = module.split(".")[0]
+                deep = top == "fleet" and not (module == "fleet" or module.startswith(PUBLIC[1:]))
+                foreign = top.startswith("fleet_") and top not in (own, module)
+                if deep or foreign:
+                    found.add(f"{path.relative_to(root)}:{line} {module}")
+    assert found == set()
+
+
+def test_every_report_and_every_error_of_an_adapter_is_public():
+    reports = {
+        kind.__name__ for kind in typing.get_args(importlib.import_module("fleet.model.report").Report)
+    }
+    errors = {
+        kind.__name__ for kind in fleet.CommandError.__subclasses__() + fleet.LinkError.__subclasses__()
+    }
+    assert reports | errors <= set(fleet.__all__)
 
 
 def test_a_name_that_is_not_public_is_told():

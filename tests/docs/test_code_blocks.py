@@ -156,7 +156,7 @@ def check_command(words):
     if program == "fleet":
         check_fleet(words)
     elif program == "sudo":
-        check_command(words[words.index("python") :])
+        check_command(words[words.index("fleet") :])
     elif program.startswith("python") and rest[0] == "-m":
         assert rest[1] in OTHER_PROGRAMS or importlib.util.find_spec(rest[1]), rest[1]
     elif program.startswith("python"):

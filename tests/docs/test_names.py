@@ -28,6 +28,6 @@ def test_each_source_file_that_a_page_names_exists(page):
 
 @pytest.mark.parametrize("folder", FOLDERS, ids=lambda path: str(path.relative_to(ROOT)))
 def test_the_map_of_the_tree_draws_each_folder_and_says_what_it_is_for(folder):
-    page = (ROOT / "docs/explanation/architecture.md").read_text(encoding="utf-8")
+    page = (ROOT / "docs/architecture.md").read_text(encoding="utf-8")
     assert re.search(rf"[├└]── {folder.name}/ +\w", page)
     assert f"**`{folder.relative_to(ROOT)}`**" in page

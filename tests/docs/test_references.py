@@ -20,6 +20,7 @@ DOCS = pathlib.Path(__file__).parents[2] / "docs" / "reference"
         ("make_config_reference.py", "config.md"),
         ("make_cli_reference.py", "cli.md"),
         ("make_mission_reference.py", "mission-grammar.md"),
+        ("make_report_reference.py", "reports.md"),
         ("make_screens.py", "screens.md"),
     ],
 )

@@ -27,7 +27,10 @@ from fleet_ugv.sim.port import SimPort
 from fleet_ugv.sim.server import Bases
 from fleet_ugv.sim.spec import SimSpec
 
-REAL_TIME = ("test_dog.py", "test_ugv.py", "test_wheels.py", "test_sdk.py", "test_joints.py")
+REAL_TIME = (
+    *("test_console.py", "test_dog.py", "test_joints.py", "test_sdk.py"),
+    *("test_ugv.py", "test_wheels.py"),
+)
 """Robots whose simulation needs the processor in time: never two of them at once on two cores."""
 
 

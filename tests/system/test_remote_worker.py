@@ -83,15 +83,7 @@ def far_worker(request, tmp_path, fleet, free_port):
     running = fleet("run", "--json", folder=tmp_path)
     running.line(f"edge near-{request.param} runs")
     elsewhere = os.environ | {"FLEET_RUNTIME_DIR": str(tmp_path)}
-    command = [
-        sys.executable,
-        "-m",
-        "fleet.host.workers.worker_process",
-        "--name",
-        "far",
-        "--config",
-        "far.yaml",
-    ]
+    command = [sys.executable, "-m", "fleet", "run", "--worker", "far", "far.yaml"]
     with subprocess.Popen(command, cwd=tmp_path, env=elsewhere, stderr=subprocess.DEVNULL) as worker:
         yield running
         worker.terminate()

@@ -1,8 +1,11 @@
 """What the cloud is told of a robot, heard on a real broker: ends of commands, events, log lines, health."""
 
 import json
+import os
+import signal
 import uuid
 
+import psutil
 import pytest
 
 from fleet.testing.waiting import wait_until
@@ -42,6 +45,12 @@ class Climber(Adapter[ClimberConfig]):
         await asyncio.sleep(1.0)
         raise Refused("it did not climb: Motors not armed")
 
+    @command("wander", timeout=300)
+    async def wander(self):
+        """Be taken, and not end."""
+        yield None
+        await asyncio.sleep(300)
+
     @command("unplug", moves=False, safe=True)
     async def unplug(self):
         """Do not answer any more."""
@@ -68,7 +77,7 @@ def rex(request, fleet, ears, mosquitto, tmp_path):
     running = fleet("run", "--json", str(file))
     running.robot("rex", "is well", lambda state: state["health"] == "ok")
     pilot.heard("telemetry", "connected", lambda message: message["type"] == "connected")
-    pilot.worker = request.param
+    pilot.worker, pilot.edge = request.param, running
     return pilot
 
 
@@ -86,7 +95,7 @@ def test_what_befalls_a_robot_is_told_in_the_cloud_to_its_end(rex):
     rex.say("command", command="emergency_stop", data={}, session_id="anna")
     event = rex.heard("event", "the stop", lambda event: event["event_type"] == "emergency_stop")
     assert (event["source"], event["data"]["severity"]) == ("fleet", "critical")
-    if rex.worker == "main":  # a worker hears of it first on the bus's stop lane, which names nobody
+    if rex.worker == "main":  # a worker hears of it first on the bus's stop key, which names nobody
         assert event["data"]["asker"] == {"way": "cloud", "name": "anna", "source_type": "tele"}
 
     assert rex.command("unplug")["status"] == "ok"
@@ -107,3 +116,20 @@ def test_what_befalls_a_robot_is_told_in_the_cloud_to_its_end(rex):
         ),
     )
     assert own[0]["type"] == "edge_state"
+
+
+def test_a_command_that_the_death_of_the_edge_cut_off_has_its_end_in_the_cloud(rex):
+    assert rex.command("climb")["status"] == "ok"
+    wait_until("the end of what is told already", lambda: len(rex.answers("climb")) == 2)
+    assert rex.command("wander")["status"] == "ok"
+    (edge,) = psutil.Process(rex.edge.process.pid).children()
+    os.kill(edge.pid, signal.SIGKILL)
+    rex.heard("command", "the end of wander", lambda said: said["command"] == "wander" and "done" in said)
+    end = rex.answers("wander")[-1]
+    assert (end["status"], end["done"]) == ("error", False)
+    assert end["reason"] == "the edge was restarted meanwhile; how it ended is unknown"
+    rex.insist("unplug")
+    assert len(rex.answers("climb")) == 2, "its end was told before"
+    assert len(rex.answers("wander")) == 2
+    history = rex.edge.call("history", "rex", "--json").stdout
+    assert "wander failed: the edge was restarted meanwhile" in history

@@ -155,6 +155,14 @@ def test_video_that_nobody_sends_is_refused_with_what_to_do(site):
     assert "fleet video rex" in answer["reason"]
 
 
+def test_what_came_of_video_that_was_asked_for_on_the_bus_is_told_in_the_cloud_once(site):
+    assert site.edge.call("send", "rex", "start_video", "-f", str(site.file)).returncode
+    told = site.cloud.heard("start_video/status", "the refusal", bool)
+    assert (told["type"], told["status"], told["source_type"]) == ("video_started", "error", "edge")
+    assert site.ask("start_video")["status"] == "error"
+    assert len(site.cloud.of("start_video/status")) == 2
+
+
 def test_the_streams_of_a_program_that_is_killed_vanish(site, camera):
     program = site.send_video(camera, code=-signal.SIGKILL)
     assert site.ask("start_video")["status"] == "ok"

@@ -12,8 +12,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
-from fleet.model.geodesy import GeoOrigin, GeoPoint, geo_from_world, world_from_geo
-from fleet.model.geometry import Vector3
+from fleet import GeoOrigin, GeoPoint, Vector3, geo_from_world, world_from_geo
 from fleet_mavlink.sim.battery import SimBattery
 from fleet_mavlink.sim.command_request import ACCEPTED, UNSUPPORTED, CommandRequest
 from fleet_mavlink.sim.equipment import Equipment

@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
-from fleet.model.polygon import Polygon, contains
+from fleet import Polygon, polygon_contains
 from fleet_mavlink.sim.missions import FENCE, Item
 
 if TYPE_CHECKING:
@@ -45,5 +45,5 @@ def is_outside(
     if over or away or not kinds & POLYGON:
         return bool(over or away)
     inclusions = list(polygons(pilot, _INSIDE))
-    inside = not inclusions or any(contains(each, (north, east)) for each in inclusions)
-    return not inside or any(contains(each, (north, east)) for each in polygons(pilot, _OUTSIDE))
+    inside = not inclusions or any(polygon_contains(each, (north, east)) for each in inclusions)
+    return not inside or any(polygon_contains(each, (north, east)) for each in polygons(pilot, _OUTSIDE))

@@ -9,7 +9,7 @@ from urllib.parse import parse_qsl
 
 import msgspec
 
-from fleet.runtime.decoding import convert
+from fleet import convert_strictly
 from fleet.sim.faults import parse_faults
 from fleet_mavlink.sim.faults import FAULTS
 
@@ -104,7 +104,7 @@ def _spec(values: dict[str, object], given: dict[str, str]) -> SimSpec:
 def spec_of(values: object) -> SimSpec:
     """Return the spec in plain values (JSON); raises ValueError saying what is wrong."""
     try:
-        return convert(values, SimSpec)
+        return convert_strictly(values, SimSpec)
     except msgspec.ValidationError as error:
         raise ValueError(f"simulated vehicle: {error}") from None
 

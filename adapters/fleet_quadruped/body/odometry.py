@@ -8,8 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
-from fleet import Vector3
-from fleet.model.geometry import wrap_angle
+from fleet import Vector3, wrap_angle
 from fleet_quadruped.body.gait import Twist
 from fleet_quadruped.body.legs import Leg, Reached
 from fleet_quadruped.body.measured import Sense

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from fleet.model.geometry import quaternion_from_euler
+from fleet import quaternion_from_euler
 from fleet_quadruped.body.legs import Point
 from fleet_quadruped.body.motion import PostureMotion, Segment
 from fleet_quadruped.body.turning import to_body

@@ -4,9 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Mapping
 
-from fleet.clock import Clock
-from fleet.errors import LinkLost
-from fleet.link.canbus.frame import CanBus
+from fleet import CanBus, Clock, LinkLost
 
 LISTEN = 0.25  # s: the slowest controller speaks 10 times a second
 Address = tuple[str, int]

@@ -17,9 +17,7 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import NamedTuple
 
-from fleet.clock import Clock
-from fleet.errors import ConfigError
-from fleet.link.canbus.frame import CanBus, CanFrame
+from fleet import CanBus, CanFrame, Clock, ConfigError
 
 log = logging.getLogger(__name__)
 

@@ -11,11 +11,17 @@ from pathlib import Path
 
 import msgspec
 
-from fleet.clock import Clock, SystemClock
-from fleet.errors import ConfigError, LinkError, LinkLost, LinkRefused
-from fleet.link.canbus.bus import Bus
-from fleet.link.canbus.frame import CanBus
-from fleet.runtime.decoding import decode_json
+from fleet import (
+    CanBus,
+    Clock,
+    ConfigError,
+    LinkError,
+    LinkLost,
+    LinkRefused,
+    OpenCanBus,
+    SystemClock,
+    decode_json,
+)
 from fleet_quadruped.any_description import AnyBody, load_body
 from fleet_quadruped.can.bus_guard import require_sole_controller
 from fleet_quadruped.can.capture import Capture
@@ -102,10 +108,10 @@ def _begin(machine: SimulatedMachine, faults: dict[str, float]) -> None:
 
 
 @contextlib.contextmanager
-def _opened(name: str, url: str, body: AnyBody, clock: Clock) -> Iterator[Bus]:
+def _opened(name: str, url: str, body: AnyBody, clock: Clock) -> Iterator[OpenCanBus]:
     """Open a bus for the time of a block."""
     described = body.buses[name]
-    bus = Bus(name, url, described.bitrate, clock, described.data_bitrate)
+    bus = OpenCanBus(name, url, described.bitrate, clock, described.data_bitrate)
     try:
         yield bus
     finally:

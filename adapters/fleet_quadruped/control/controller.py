@@ -5,9 +5,7 @@ from __future__ import annotations
 import logging
 from collections.abc import Mapping
 
-from fleet.errors import LinkLost
-from fleet.link.canbus.frame import CanBus, CanFrame
-from fleet.model.geometry import quaternion_from_yaw
+from fleet import CanBus, CanFrame, LinkLost, quaternion_from_yaw
 from fleet_quadruped.body.gait import Twist
 from fleet_quadruped.body.height import height_of
 from fleet_quadruped.body.machine import BodyRequest, BodyStateMachine, Wanted, Wish

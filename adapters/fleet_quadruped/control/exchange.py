@@ -15,7 +15,7 @@ from typing import Generic, TypeVar
 
 import msgspec
 
-from fleet.runtime.decoding import msgpack_decoder
+from fleet import msgpack_decoder
 
 ValueT = TypeVar("ValueT", bound=msgspec.Struct)
 

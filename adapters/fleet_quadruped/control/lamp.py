@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from fleet.link.canbus.frame import CanBus, CanFrame
+from fleet import CanBus, CanFrame
 from fleet_quadruped.robot.parts import Switch
 
 

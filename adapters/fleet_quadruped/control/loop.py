@@ -12,9 +12,7 @@ from typing import Protocol
 
 import msgspec
 
-from fleet.clock import Clock
-from fleet.link.canbus.frame import CanBus, CanFrame
-from fleet.runtime.interpreter import interpreter_settings
+from fleet import CanBus, CanFrame, Clock, interpreter_settings
 from fleet_quadruped.can.capture import Capture
 from fleet_quadruped.control.orders import DogState, Order, Timing
 from fleet_quadruped.safety.stages import MEANT

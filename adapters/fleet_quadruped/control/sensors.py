@@ -4,9 +4,7 @@ from __future__ import annotations
 
 import math
 
-from fleet import Quaternion, Vector3
-from fleet.link.canbus.frame import CanFrame
-from fleet.model.geometry import quaternion_from_euler
+from fleet import CanFrame, Quaternion, Vector3, quaternion_from_euler
 from fleet_quadruped.body.measured import Imu
 from fleet_quadruped.frames import FrameDecoder
 from fleet_quadruped.robot.names import EULER

@@ -11,8 +11,7 @@ from collections.abc import Mapping, Sequence
 from importlib.metadata import entry_points
 from typing import Any, Protocol, cast
 
-from fleet.errors import ConfigError
-from fleet.link.canbus.frame import CanBus
+from fleet import CanBus, ConfigError
 from fleet_quadruped.drives.base import JointDrive
 from fleet_quadruped.robot.description import DogDescription, Joint
 from fleet_quadruped.robot.parts import Bus, Drive

@@ -5,8 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from typing import Protocol, TypeVar
 
-from fleet.errors import LinkLost
-from fleet.link.canbus.frame import CanBus, CanFrame
+from fleet import CanBus, CanFrame, LinkLost
 from fleet_quadruped.robot.description import Joint
 
 _TRIES, _LISTENS, _WAIT = 5, 20, 0.02  # rounds of questions, looks for answers in each, s of a look

@@ -10,7 +10,7 @@ import math
 from collections.abc import Sequence
 from typing import NamedTuple, Protocol
 
-from fleet.link.canbus.frame import CanFrame
+from fleet import CanFrame
 from fleet_quadruped.body.measured import Targets
 from fleet_quadruped.can.bus_guard import Address
 from fleet_quadruped.robot.description import DogDescription, Joint

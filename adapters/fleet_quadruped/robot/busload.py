@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Mapping
 
-from fleet.link.canbus.frame import STANDARD_ID
+from fleet import STANDARD_ID
 from fleet_quadruped.robot.parts import Battery, Bus, Drive, Sensor
 
 HIGHEST = 0.6  # share of a bus beyond which frames come late

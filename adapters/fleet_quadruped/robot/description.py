@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 from pydantic import Field, model_validator
 
-from fleet.errors import ConfigError
+from fleet import ConfigError
 from fleet_quadruped.body.legs import Angles, Leg
 from fleet_quadruped.robot.busload import HIGHEST, bus_loads
 from fleet_quadruped.robot.names import (

@@ -11,7 +11,7 @@ from pydantic import ValidationError
 from pydantic_core import ErrorDetails
 from yaml.constructor import ConstructorError
 
-from fleet.errors import ConfigError
+from fleet import ConfigError
 from fleet_quadruped.robot.parts import Section
 
 SectionT = TypeVar("SectionT", bound=Section)

@@ -6,7 +6,7 @@ from typing import Annotated
 
 from pydantic import AfterValidator, Field, model_validator
 
-from fleet.link.canbus.frame import CanFrame
+from fleet import CanFrame
 from fleet_quadruped.frame_integrity import Sealed
 from fleet_quadruped.frames import FrameMap, encode
 from fleet_quadruped.robot.parts import Section

@@ -12,7 +12,7 @@ from typing import Annotated, Literal, NamedTuple
 
 from pydantic import AfterValidator, Field
 
-from fleet.link.canbus.frame import CanFrame
+from fleet import CanFrame
 from fleet_quadruped.drives.cia402.frames import HEARTBEAT, MASTER, OPERATIONAL, SDO_REQUEST, SYNC
 from fleet_quadruped.drives.cia402.setup import Object, pdo_objects
 from fleet_quadruped.frames import FieldMap, FrameMap, Number, encode

@@ -5,9 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 
-from fleet.errors import LinkLost
-from fleet.link.canbus.frame import CanBus, CanFrame
-from fleet.model.geometry import quaternion_from_yaw
+from fleet import CanBus, CanFrame, LinkLost, quaternion_from_yaw
 from fleet_quadruped.body.gait import Twist
 from fleet_quadruped.body.machine import BodyRequest
 from fleet_quadruped.body.measured import Imu

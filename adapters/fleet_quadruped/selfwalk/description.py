@@ -7,7 +7,7 @@ from typing import Annotated
 
 from pydantic import BeforeValidator, Field, model_validator
 
-from fleet.link.canbus.frame import STANDARD_ID
+from fleet import STANDARD_ID
 from fleet_quadruped.frames import FrameMap
 from fleet_quadruped.robot.busload import HIGHEST, frame_bits
 from fleet_quadruped.robot.parts import Bus, Machine, Pace, Positive, Section, Sensor, Switch, Watch

@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping
 from types import MappingProxyType
 from typing import NamedTuple
 
-from fleet.link.canbus.frame import CanFrame
+from fleet import CanFrame
 from fleet_quadruped.drives.cia402.setup import Object
 from fleet_quadruped.frame_integrity import Sealed
 from fleet_quadruped.frames import FrameMap

@@ -16,9 +16,7 @@ import sys
 from collections.abc import Mapping
 from pathlib import Path
 
-from fleet.clock import Clock, SystemClock
-from fleet.errors import FleetError
-from fleet.link.canbus.bus import Bus
+from fleet import Clock, FleetError, OpenCanBus, SystemClock
 from fleet.sim.faults import parse_faults
 from fleet_quadruped.any_description import load_body
 from fleet_quadruped.control.loop import realtime
@@ -49,9 +47,11 @@ def main(arguments: list[str]) -> int:
     try:
         dog = load_body(given.body)
         with contextlib.ExitStack() as stack:
-            buses: dict[str, Bus] = {}
+            buses: dict[str, OpenCanBus] = {}
             for name, _, url in (text.partition("=") for text in given.bus):
-                buses[name] = Bus(name, url, dog.buses[name].bitrate, clock, dog.buses[name].data_bitrate)
+                buses[name] = OpenCanBus(
+                    name, url, dog.buses[name].bitrate, clock, dog.buses[name].data_bitrate
+                )
                 stack.callback(buses[name].close)
             sim = simulated(dog, given.world, {name: bus.send for name, bus in buses.items()})
             for fault, value in parse_faults(given.faults, {**WALKER_FAULTS, **ALL_FAULTS}).items():
@@ -66,7 +66,7 @@ def main(arguments: list[str]) -> int:
     return 0
 
 
-def _serve(sim: SimulatedMachine, buses: Mapping[str, Bus], clock: Clock, sense_every: float) -> None:
+def _serve(sim: SimulatedMachine, buses: Mapping[str, OpenCanBus], clock: Clock, sense_every: float) -> None:
     """Keep the dog in step with real time."""
     begun, sensed = clock.monotonic() - sim.time, sim.time
     while True:

@@ -7,7 +7,7 @@ import struct
 from collections.abc import Callable, Mapping
 from types import MappingProxyType
 
-from fleet.link.canbus.frame import CanFrame
+from fleet import CanFrame
 from fleet_quadruped.drives.cia402 import frames as wire
 from fleet_quadruped.drives.cia402.setup import MAX_TORQUE, MODE_DISPLAY, OPTIONAL, mapping_objects
 from fleet_quadruped.drives.cia402.states import FOLLOWS, DriveState

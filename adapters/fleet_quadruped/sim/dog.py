@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 
-from fleet.link.canbus.frame import CanFrame
+from fleet import CanFrame
 from fleet.sim.faults import check_fault
 from fleet_quadruped.drives import SIMULATED_DRIVES, load_entry
 from fleet_quadruped.robot.description import DogDescription, Joint

@@ -6,8 +6,7 @@ import threading
 from collections import deque
 from typing import Protocol
 
-from fleet.errors import LinkLost
-from fleet.link.canbus.frame import CanFrame
+from fleet import CanFrame, LinkLost
 from fleet_quadruped.robot.description import DogDescription
 from fleet_quadruped.sim.dog import SimDog
 from fleet_quadruped.sim.world import KinematicWorld, World

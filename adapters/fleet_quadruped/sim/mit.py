@@ -6,7 +6,7 @@ import math
 import struct
 from collections.abc import Callable, Mapping
 
-from fleet.link.canbus.frame import CanFrame
+from fleet import CanFrame
 from fleet_quadruped.drives.mit import frames as wire
 from fleet_quadruped.drives.mit.frames import Command, MitCommand
 from fleet_quadruped.drives.mit.profiles import profile_of

@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 
-from fleet.link.canbus.frame import CanFrame
+from fleet import CanFrame
 from fleet_quadruped.drives.moteus import frames as wire
 from fleet_quadruped.drives.moteus.frames import Part
 from fleet_quadruped.drives.motor_units import Units

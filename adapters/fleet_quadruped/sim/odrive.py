@@ -11,7 +11,7 @@ import math
 import struct
 from collections.abc import Callable, Mapping
 
-from fleet.link.canbus.frame import CanFrame
+from fleet import CanFrame
 from fleet_quadruped.drives.motor_units import Units
 from fleet_quadruped.drives.odrive import frames as wire
 from fleet_quadruped.drives.odrive.frames import Cmd, State

@@ -7,8 +7,7 @@ from __future__ import annotations
 
 import random
 
-from fleet import Quaternion
-from fleet.model.geometry import quaternion_from_euler
+from fleet import Quaternion, quaternion_from_euler
 from fleet.testing.clock import ManualClock
 from fleet_quadruped.body.measured import Imu
 from fleet_quadruped.check_moves import Moves

@@ -6,7 +6,7 @@ import struct
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
-from fleet.link.canbus.frame import CanFrame
+from fleet import CanFrame
 from fleet_quadruped.drives.cia402.frames import SDO_REQUEST, SDO_RESPONSE
 
 NO_OBJECT, TOO_LONG, READ_ONLY, NOT_MAPPABLE = 0x06020000, 0x06070010, 0x06010002, 0x06040041

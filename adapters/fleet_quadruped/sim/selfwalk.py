@@ -7,8 +7,7 @@ from collections.abc import Callable, Mapping
 from types import MappingProxyType
 from typing import NamedTuple
 
-from fleet import Quaternion, quaternion_from_yaw
-from fleet.link.canbus.frame import CanFrame
+from fleet import CanFrame, Quaternion, quaternion_from_yaw
 from fleet.sim.faults import check_fault
 from fleet_quadruped.body.gait import Twist
 from fleet_quadruped.drives.cia402.frames import HEARTBEAT, OPERATIONAL, SDO_REQUEST, SYNC

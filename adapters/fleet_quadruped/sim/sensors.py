@@ -7,8 +7,7 @@ import random
 from collections.abc import Iterator, Mapping
 from types import MappingProxyType
 
-from fleet import Quaternion
-from fleet.link.canbus.frame import CanFrame
+from fleet import CanFrame, Quaternion
 from fleet_quadruped.body.measured import Imu
 from fleet_quadruped.frames import FrameEncoder
 from fleet_quadruped.robot.description import DogDescription

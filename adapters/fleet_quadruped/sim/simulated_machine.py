@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from typing import Protocol
 
-from fleet.link.canbus.frame import CanFrame
+from fleet import CanFrame
 from fleet_quadruped.any_description import AnyBody
 from fleet_quadruped.robot.description import DogDescription
 from fleet_quadruped.sim.dog import SimDog

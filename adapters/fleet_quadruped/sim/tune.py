@@ -14,8 +14,7 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from fleet import Quaternion
-from fleet.model.geometry import quaternion_from_euler
+from fleet import Quaternion, quaternion_from_euler
 from fleet_quadruped.body.machine import BodyRequest
 from fleet_quadruped.robot.description import DogDescription, load_description
 from fleet_quadruped.robot.parts import Pose

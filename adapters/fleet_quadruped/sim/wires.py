@@ -6,7 +6,7 @@ import random
 import struct
 from collections.abc import Iterable, Sequence
 
-from fleet.link.canbus.frame import CanFrame
+from fleet import CanFrame
 from fleet.sim.faults import BadWire
 
 _HEAD = struct.Struct("<I??")

@@ -6,7 +6,7 @@ import importlib.util
 from collections.abc import Callable, Mapping
 from types import MappingProxyType
 
-from fleet.errors import LinkRefused
+from fleet import LinkRefused
 from fleet_quadruped.robot.description import DogDescription
 from fleet_quadruped.sim.world import KinematicWorld, World
 

@@ -13,13 +13,11 @@ from typing import TYPE_CHECKING
 import msgspec
 
 from fleet.bridge.bridge import Bridge
-from fleet.bridge.command_replies import RobotPort
 from fleet.bus import keys
 from fleet.bus.bus import open_edge
 from fleet.bus.zenoh_session import Query
 from fleet.clock import Clock
 from fleet.config.load import Loaded
-from fleet.config.notify import with_members
 from fleet.config.places import places_of
 from fleet.health.aggregate import edge_health, robots_by_health
 from fleet.health.load import read_load
@@ -44,6 +42,7 @@ from fleet.host.process.component_settings import (
 )
 from fleet.host.process.driverlog import publish_robot_logs
 from fleet.host.process.history_service import HistoryService
+from fleet.host.process.interrupted_commands import tell_interrupted_commands
 from fleet.host.process.robot_process import RobotProcess
 from fleet.host.process.stop_inputs import TELL, StopInputs
 from fleet.host.process.stop_service import serve_stops, stop_everywhere
@@ -123,12 +122,15 @@ class Edge:
                 for name in names_of(robot.worker for robot in self.remote.values())
                 if name not in config.remote_workers
             ]
+            self.missions = Missions(loaded, self.process, self.remote, folder, self._stop_robots)
+            undo.callback(self.missions.close)
             self.bridge = self._bridge([robot for robot, _ in loaded.robots])
+            if self.bridge is not None:
+                self.missions.workflows.publish = self.bridge.voice.status
             self._presence = CloudPresence(self.bridge, self.process.supervised) if self.bridge else None
             if self._presence is not None:
                 self.process.on_holder = self._presence.hold
             self.metrics, self._metrics_port = self._make_metrics()
-            self.missions = Missions(loaded, self.process, self.remote, folder, self._stop_robots)
             undo.pop_all()
         self._groups = {name: list(robots) for name, robots in config.members.items()}
         self._stop_inputs = StopInputs(
@@ -142,12 +144,13 @@ class Edge:
         )
         self._expiry = CertificateExpiry(files_of(config.bus.tls), clock)
         self._recall = HistoryService(self.process.history)
-        self._notifier = Notifier(with_members(config.notify, config.members), config.edge.id, clock)
+        self._notifier = Notifier(config.notified, config.edge.id, clock)
         history = self.process.history
         self.schedules = EdgeSchedules(
             config, folder, self.missions.starter, states=self.states, record=history.add, clock=clock
         )
         history.told = self.schedules.before(self._notifier.take)
+        self.beside: Callable[[], str] = str  # what is wrong with programs beside it, as the console
 
     def _remote(self, loaded: Loaded) -> dict[str, RemoteRobot]:
         """Build this side of the robots that run in workers."""
@@ -193,6 +196,8 @@ class Edge:
             if self._metrics_port is not None:
                 self._metrics_port.serve()
             self._declare(ended)
+            cloud = self.bridge.voice.tell_end if self.bridge else None
+            tell_interrupted_commands(self.process, self.robots(), cloud)
             self.process.start()
             self._stop_inputs.start(self.process.watchdog.add)
             if self.bridge is not None:
@@ -250,7 +255,7 @@ class Edge:
         claims, expiry = self.cloud_claims.problem, self._expiry.problem
         busy = self.process.starvation.problem
         inputs, schedules = self._stop_inputs.problem, self.schedules.problem
-        problems = (self.bus.problem, *kept, schedules, inputs, metrics, expiry, claims, busy)
+        problems = (self.bus.problem, *kept, schedules, inputs, metrics, expiry, claims, busy, self.beside())
         health = edge_health(states, [cloud, *map(degraded, problems)])
         load, bridge = read_load(), self.bridge
         stats = bridge.client.stats if bridge else None
@@ -296,11 +301,7 @@ class Edge:
         cloud = self._config.cloud
         if cloud is None:
             return None
-        ports: dict[str, RobotPort] = {}
-        for local in self.process.robots.values():
-            ports[local.twin] = local
-        for remote in self.remote.values():
-            ports[remote.twin] = remote
+        ports = {robot.twin: self.missions.plans.port(robot) for robot in self.robots()}
         simulated = all(port.source_type == "sim" for port in ports.values())
         return Bridge(
             cloud_settings(cloud, simulated=simulated),
@@ -313,6 +314,7 @@ class Edge:
             claimed=self.cloud_claims.heard,
             clock=self._clock,
             spool=Spool(spool_settings(self._config), self._clock),
+            handlers=self.missions.workflows.handlers,
         )
 
     def _declare(self, ended: asyncio.Event) -> None:

@@ -4,9 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import logging
-import re
 from collections.abc import Callable, Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from functools import partial
 from pathlib import Path
 
@@ -17,19 +15,22 @@ from fleet.bus.zenoh_session import Query
 from fleet.config.load import Loaded
 from fleet.config.missions import Mission, events_of, mission_of
 from fleet.config.places import places_of
-from fleet.config.problems import InvalidConfig
 from fleet.errors import Refused, WireError
+from fleet.host.edge.cloud_workflows import CloudWorkflows
 from fleet.host.edge.common_start import CommonStart
 from fleet.host.edge.mission_robots import RobotElsewhere, RobotHere, can, trouble
 from fleet.host.edge.mission_starter import MissionStarter
 from fleet.host.edge.mission_ways import WayCheck
+from fleet.host.edge.rehearsals import Rehearsals
+from fleet.host.edge.start_requests import StartRequests
+from fleet.host.edge.twin_plans import TwinPlans
 from fleet.host.process.robot_process import RobotProcess
 from fleet.host.requests.stop_cause import StopCause
 from fleet.host.safety.source_policy import SourcePolicy
 from fleet.host.workers.remote_robot import RemoteRobot
 from fleet.missions.grammar_words import role_words, step_words
 from fleet.missions.points import SiteMap
-from fleet.missions.program import Act, Program
+from fleet.missions.program import Act
 from fleet.missions.report import (
     ControlAsk,
     Controlled,
@@ -40,13 +41,14 @@ from fleet.missions.report import (
     ended_state,
 )
 from fleet.missions.roles import Candidate
-from fleet.missions.runs import Runs
+from fleet.missions.runs import Runs, check_run_id
 from fleet.missions.state import Facts, Head, Member
 from fleet.missions.store import About, Store, Told
 from fleet.model.command import Origin, Transport
 from fleet.model.description import RobotDescription
 from fleet.model.event import EventKind, EventReport, Requester, Severity
 from fleet.model.geodesy import GeoOrigin
+from fleet.model.report import NavigationReport
 from fleet.model.state import RobotState
 from fleet.runtime.decoding import decode_json
 from fleet.wire.published import object_in
@@ -57,7 +59,6 @@ LOOK_EVERY = 0.2  # s
 DESCRIBED_WITHIN = 2.0  # s for workers to say what their robots take
 SHOWN = 50  # runs that ended
 LARGEST = 1 << 20  # bytes of a mission that is sent
-RUN_ID = re.compile(r"[A-Za-z0-9-]{1,40}")
 _encode = msgspec.json.encode
 log = logging.getLogger(__name__)
 
@@ -89,7 +90,6 @@ class Missions:
             robot.name: SourcePolicy(robot.accepts, simulated=robot.simulated) for robot, _ in loaded.robots
         }
         self._states = self._bus_session.publishers(keys.run(self._edge, "*"))
-        self._checker = ThreadPoolExecutor(1, thread_name_prefix="fleet-mission-check")
         self.store = Store(folder)
         origin = config.site.origin
         site = SiteMap(places_of(config.places), GeoOrigin(*origin) if origin is not None else None)
@@ -115,7 +115,34 @@ class Missions:
             together=lambda: CommonStart(self._edge, self._bus_session, process.clock, worker_of),
             told=self._publish,
         )
+        self.rehearsals = Rehearsals(
+            loaded,
+            self.runs.filling,
+            states=lambda: [robot.state() for robot in self.runs.robots.values()],
+            folder=folder,
+            clock=process.clock,
+        )
         self.starter = MissionStarter(self._missions, self.runs, self._described, process.clock)
+        self.starts = StartRequests(self.runs, self._described, self._soon)
+        self.plans = TwinPlans(
+            self.runs,
+            self.starts,
+            {robot.name: process.outbox.sender(str(robot.twin)) for robot, _ in loaded.robots},
+            self._policies,
+            max_age={robot.name: robot.command_max_age for robot, _ in loaded.robots},
+            record=process.history.add,
+            soon=self._soon,
+            clock=process.clock,
+        )
+        process.outbox.navigates = self.plans.navigates
+        self.workflows = CloudWorkflows(
+            config.cloud.workflows if config.cloud else {},
+            self._missions,
+            self.runs,
+            self.starts,
+            record=process.history.add,
+            clock=process.clock,
+        )
         process.on_stop = self.stopped
 
     def _soon(self, call: Callable[[], None]) -> None:
@@ -124,7 +151,7 @@ class Missions:
 
     def close(self) -> None:
         """Start nothing more, and write what waits; may wait."""
-        self._checker.shutdown(cancel_futures=True)
+        self.starts.close()
         self.store.close()
 
     @property
@@ -162,6 +189,11 @@ class Missions:
             for name, twin in self._twins.items()
         }
         self._process.bus.reports.subscribe_many(f"cw/*/data/{EventReport.channel}", calls)
+        actions = {
+            data_key(self._twins[name], NavigationReport.channel): self.plans.heard
+            for name in self._elsewhere
+        }
+        self._process.bus.reports.subscribe_many(f"cw/*/data/{NavigationReport.channel}", actions)
 
     def _event(self, robot: str, event: str) -> None:
         """Take an event of a robot; from any thread, and for nothing while no run is under way."""
@@ -232,6 +264,8 @@ class Missions:
             self._recorded.discard(state.run)
             reason = f": {state.reason}" if state.reason else ""
             self._record(state, EventKind.OUTCOME, f"mission {state.mission} {state.outcome}{reason}")
+        self.plans.told(state)
+        self.workflows.told(state)
         publisher = self._states.wanted(keys.run(self._edge, state.run))
         if publisher is not None:
             publisher.put(_encode(state))
@@ -245,8 +279,11 @@ class Missions:
 
     def _asked_mission(self, question: Query) -> None:
         """Take a question for a mission; on the bus's thread."""
-        name = question.asked.rpartition("/")[2]
-        if question.parameters.get("do") != "start":
+        name, do = question.asked.rpartition("/")[2], question.parameters.get("do")
+        if do == "rehearsal":
+            self._soon(partial(self.rehearsals.look, question))
+            return
+        if do not in {"start", "rehearse"}:
             for each in self._missions.values():
                 if "*" in name or each.name == name:
                     question.reply(
@@ -254,25 +291,16 @@ class Missions:
                     )
             question.close()
             return
-        try:
-            self._checker.submit(self._check, name, question)
-        except RuntimeError:  # we are closed
-            question.close()
 
-    def _check(self, name: str, question: Query) -> None:
-        """Check what is to be started; on a thread that may take its time, since robots wait for the loop."""
-        try:
+        def made() -> tuple[Mission, StartAsk]:
             ask = self._asked(question)
-            mission = self._mission(name, ask)
-            program = mission.program(ask.inputs)
-        except (Refused, InvalidConfig, msgspec.DecodeError) as error:
-            self._tell_started(name, question, "", {}, str(error))
-        except Exception as error:
-            log.exception("mission %s could not be checked", name)
-            self._tell_started(name, question, "", {}, f"{type(error).__name__}; the edge's log says why")
+            return self._mission(name, ask), ask
+
+        began = partial(self._tell_started, name, question)
+        if do == "rehearse":
+            self.starts.check(made, partial(self.rehearsals.begin, question), began)
         else:
-            start = partial(self._start, name, question, ask, mission, program)
-            self._soon(partial(self._described, start))
+            self.starts.begin(made, Transport.BUS, began)
 
     def _asked(self, question: Query) -> StartAsk:
         """Return what is asked; raises Refused, DecodeError."""
@@ -281,22 +309,9 @@ class Missions:
         if len(question.payload) > LARGEST:
             raise Refused(f"the mission is larger than {LARGEST >> 20} MiB")
         ask = decode_json(question.payload, StartAsk)
-        if ask.run and not RUN_ID.fullmatch(ask.run):
-            raise Refused(f"{ask.run[:40]!a} cannot be the id of a run: letters, digits and -")
-        if ask.run and not ask.only_fill and self.store.has_ended(ask.run):
-            raise Refused(f"run {ask.run} has ended: a repeat of it is not carried out")
+        if ask.run:
+            check_run_id(ask.run)
         return ask
-
-    def _start(self, name: str, question: Query, ask: StartAsk, mission: Mission, program: Program) -> None:
-        """Start a mission, or show who would fill its roles."""
-        tell = partial(self._tell_started, name, question)
-        if not ask.only_fill:
-            self.runs.start(mission, program, ask, Transport.BUS, tell)
-            return
-        try:
-            tell("", self.runs.filling.fill(mission, program, ask), "")
-        except Refused as error:
-            tell("", {}, str(error))
 
     def _tell_started(
         self, name: str, question: Query, run: str, roles: Mapping[str, Sequence[str]], refusal: str

@@ -17,7 +17,7 @@ from fleet.model.geometry import ZERO_VELOCITY, Pose, Velocity
 from fleet.model.navigation import Progress, Task
 from fleet.model.report import PoseReport, Report
 from fleet.robot_config import AdapterConfig, Limits
-from fleet.runtime.decoding import convert
+from fleet.runtime.decoding import convert_strictly
 
 PERIOD = 0.05  # s between two looks
 STALE = 0.5  # s after which a pose is too old to drive by
@@ -118,5 +118,5 @@ def goal_follower_of(
 ) -> GoalFollower:
     """Return the follower of a robot of fleet.yaml."""
     place = config.origin
-    origin = None if place is None else convert(place, GeoOrigin, from_attributes=True)
+    origin = None if place is None else convert_strictly(place, GeoOrigin, from_attributes=True)
     return GoalFollower(drive=drive, limits=limits, holonomic=holonomic, origin=origin, clock=clock)

@@ -28,13 +28,17 @@ log = logging.getLogger(__name__)
 
 
 class Started(msgspec.Struct, frozen=True, array_like=True, tag="begin"):
-    """A command that is now carried out, or an action; ``stamp`` is Unix seconds."""
+    """A command that is now carried out, or an action; ``stamp`` is Unix seconds.
+
+    ``way`` is how it was asked, when somebody is to hear of its end also after a restart; empty otherwise.
+    """
 
     robot: str
     identity: str
     name: str
     action: bool
     stamp: float
+    way: str = ""
 
 
 class Latched(msgspec.Struct, frozen=True, array_like=True, tag="latch"):

@@ -13,7 +13,7 @@ import logging
 import sqlite3
 import threading
 from collections import deque
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from functools import partial
 from pathlib import Path
 
@@ -22,6 +22,7 @@ import msgspec
 from fleet.clock import Clock
 from fleet.errors import StateError
 from fleet.host.journal.execution_journal import ANY, ExecutionJournal, Latched, Row, Started
+from fleet.host.journal.past_commands import DONE, InterruptedCommand, PastCommand, answer_to
 from fleet.host.requests.receipt import Receipt
 from fleet.host.safety.dedup_cache import KEPT, DedupCache
 from fleet.model.command import Reply
@@ -36,7 +37,6 @@ interpreter just when the command is on its way to the robot."""
 LONGEST = 1 << 22
 """Bytes of commands that are kept in memory while the disk takes none."""
 REMEMBERED = 3600.0  # s that a command is kept; older ones are refused by their age
-DONE = "completed"
 LOST = "the journal could not be read or written, so nobody knows whether a stop was set"
 
 _FORMATS = (
@@ -48,12 +48,21 @@ CREATE TABLE begun (
 CREATE INDEX begun_by_stamp ON begun (stamp);
 CREATE TABLE latch (robot TEXT PRIMARY KEY, why TEXT) WITHOUT ROWID;
 """,
+    "ALTER TABLE begun ADD COLUMN way TEXT NOT NULL DEFAULT ''",
 )
 """What makes the file, and brings it from each format number to the next."""
-_BEGIN = "INSERT OR REPLACE INTO begun VALUES "
-_ROW = "(?, ?, ?, ?, ?, ?)"
+_BEGIN = "INSERT OR REPLACE INTO begun (robot, identity, name, action, stamp, way, outcome) VALUES "
+_ROW = "(?, ?, ?, ?, ?, ?, ?)"
 _AT_ONCE = 100  # rows of one statement; SQLite takes 999 values at least
-_RECOVER = "INSERT OR IGNORE INTO begun VALUES (?, ?, ?, ?, ?, '')"
+_RECOVER = (
+    "INSERT OR IGNORE INTO begun (robot, identity, name, action, stamp, way, outcome) "
+    "VALUES (?, ?, ?, ?, ?, ?, '')"
+)
+_INTERRUPTED = (
+    "SELECT robot, identity, name, way FROM begun "
+    "WHERE outcome = '' AND way <> '' AND robot = ? AND stamp >= ? ORDER BY stamp"
+)
+_TOLD = "UPDATE begun SET way = '' WHERE outcome = '' AND way <> '' AND robot = ?"
 _END = "UPDATE begun SET outcome = ? WHERE robot = ? AND identity = ?"
 _LATCH = "INSERT OR REPLACE INTO latch VALUES (?, ?)"
 _RECOVERED = {Started: _RECOVER, Latched: _LATCH}
@@ -65,21 +74,6 @@ _PROBE = (
     "COMMIT",
 )
 """Writes, and leaves nothing: a disk that is full can still be read."""
-
-
-class PastCommand(msgspec.Struct, frozen=True):
-    """A command of an earlier process; ``outcome`` is empty when it was not seen to end."""
-
-    identity: str
-    name: str
-    action: bool
-    outcome: str
-
-    @property
-    def verdict(self) -> str:
-        """Say why it is not carried out again."""
-        how = f"ended {self.outcome}" if self.outcome else "was not seen to end"
-        return f"it was begun before the edge restarted and {how}; it is not carried out twice"
 
 
 class CommandEnd(msgspec.Struct, frozen=True):
@@ -146,10 +140,10 @@ class RobotJournal:
         """Remember an emergency stop, or with an empty ``why`` its release; from any thread."""
         self._put(Latched(self._robot, why))
 
-    def note(self, identity: str, name: str, *, action: bool = False) -> None:
+    def note(self, identity: str, name: str, *, action: bool = False, way: str = "") -> None:
         """Remember that a command is now carried out; what can never be a repeat (no identity) is not."""
         if identity and self._clock is not None:
-            self._put(Started(self._robot, identity, name, action, self._clock.time()))
+            self._put(Started(self._robot, identity, name, action, self._clock.time(), way))
 
     def end(self, identity: str, outcome: str) -> None:
         """Remember how a command ended; in a word."""
@@ -174,16 +168,6 @@ class RobotJournal:
             self.end(identity, DONE if reply.done else "failed")
 
 
-def answer_to(past: PastCommand) -> Receipt:
-    """Return what answers a repeat of a command of an earlier process."""
-    receipt = Receipt(past.name, lambda _reply: None)
-    if past.outcome == DONE:
-        receipt.done()
-    else:
-        receipt.reject(past.verdict)
-    return receipt
-
-
 class Journal:
     """The journal of one process. Workers of one edge share the file.
 
@@ -194,6 +178,9 @@ class Journal:
     A stop that is set stays in ``begun``, too, until it is released: whoever loses one of the two files has
     the other.
 
+    ``ends_are_told`` says whether anybody still tells askers how commands end: a worker outlives its edge for
+    a moment, and leaves them open for the next edge.
+
     ``also`` is called on the journal's thread after each turn: what else may wait for the disk; never raises.
     """
 
@@ -201,6 +188,7 @@ class Journal:
         self, folder: Path, clock: Clock, begun: Path, also: Callable[[], None] = lambda: None
     ) -> None:
         self.problem = ""
+        self.ends_are_told: Callable[[], bool] = lambda: True
         self._also = also
         self._clock = clock
         self._adding = threading.Lock()  # what is added waits, or is done with, in both places
@@ -281,6 +269,19 @@ class Journal:
                 self._add(Latched(name, latched))
         return RobotJournal(name, self._put, latched=latched, past=past, clock=self._clock)
 
+    def take_interrupted(self, names: Iterable[str]) -> list[InterruptedCommand]:
+        """Return the commands of these robots that an earlier process left without an end; each once."""
+        found: list[InterruptedCommand] = []
+        if self._database is None:
+            return found
+        try:
+            with self._using:
+                for name in names:
+                    found += self._taken(self._database, name)
+        except sqlite3.Error as error:
+            self._fail(error)
+        return found
+
     def close(self) -> None:
         """Write what waits and close the files; a stop that comes so late is left to the next process."""
         self._closing.set()
@@ -296,6 +297,8 @@ class Journal:
 
     def _put(self, change: Change) -> None:
         """Take a change: what is begun, and a stop, outlive the process from here on."""
+        if isinstance(change, CommandEnd) and not self.ends_are_told():
+            return
         with self._adding:
             if not isinstance(change, CommandEnd):
                 self._add(change)
@@ -323,6 +326,12 @@ class Journal:
             for identity, command, action, outcome in rows
         ]
         return latches.get(name, latches.get(ANY, "")), past[::-1]
+
+    def _taken(self, database: sqlite3.Connection, name: str) -> list[InterruptedCommand]:
+        """Return the commands of one robot that nobody saw end, and forget who asked for them."""
+        rows = database.execute(_INTERRUPTED, (name, self._clock.time() - REMEMBERED)).fetchall()
+        database.execute(_TOLD, (name,))
+        return [InterruptedCommand(*row) for row in rows]
 
     def _write(self) -> None:
         """Be the thread: everything that waits goes into one commit."""

@@ -17,7 +17,7 @@ from fleet.plugins.registry import Plugin
 from fleet.robot_config import MAIN, AdapterConfig
 from fleet.spool.spool import SpoolSettings
 from fleet.spool.state_folder import state_folder
-from fleet.wire.rulebook import of_a_twin, of_an_environment, of_any_run, rulebook
+from fleet.wire.rulebook import of_a_twin, of_a_workflow, of_an_environment, of_any_run, rulebook
 from fleet.wire.rules import TrafficClass
 from fleet.wire.topics import Topics, prefix_from
 
@@ -95,6 +95,7 @@ def bridge_rules(cloud: CloudConfig, robots: Iterable[AdapterConfig]) -> BridgeR
         {str(uuid): of_an_environment(everyone) for uuid in cloud.environments},
         any_run if any_run.inward else None,
         cloud.ignore_edges,
+        {str(uuid): of_a_workflow(everyone) for uuid in cloud.workflows},
     )
 
 

@@ -304,7 +304,7 @@ class RobotProcess:
     def _declare(self, robot: LocalRobot) -> None:
         """Show the robot on the bus and take what is asked of it there."""
         control = self.bus.control
-        relay_video(robot, self.edge, self.bus.reports, self.loop, self.clock)
+        relay_video(robot, self.edge, self.bus.reports, self.loop, self.clock, put=self.outbox.put_document)
         control.token(keys.robot(self.edge, robot.name))
         control.answer(keys.command(self.edge, robot.name), self._asker(robot))
         control.answer(keys.state(self.edge, robot.name), self._event_reporter(robot.state))

@@ -1,11 +1,13 @@
 """``start_video`` and ``stop_video``, passed on to the program on the bus that sends a robot's video.
 
-The host sends none itself. A robot whose adapter declares these commands is asked like for any other.
+The host sends none itself. A robot whose adapter declares these commands is asked like for any other. The
+bridge tells the cloud what came of the commands that it sent; of all others the status goes through here.
 """
 
 from __future__ import annotations
 
 import asyncio
+from collections.abc import Callable
 
 from fleet.bus import keys
 from fleet.bus.zenoh_session import ZenohSession
@@ -13,8 +15,10 @@ from fleet.clock import Clock
 from fleet.errors import Refused, TimedOut, WireError
 from fleet.host.requests.receipt import Receipt
 from fleet.host.robot.local_robot import LocalRobot
-from fleet.model.command import Command
-from fleet.wire.video import VIDEO_TYPES, read_video_reply, video_request
+from fleet.model.command import Command, Reply, Transport
+from fleet.wire.samples import json_sample
+from fleet.wire.topics import data_key
+from fleet.wire.video import STATUS_CHANNELS, VIDEO_TYPES, read_video_reply, video_request, video_status
 
 ANSWER_WITHIN = 4.0  # s that a program has; who asks by MQTT waits 5 s for us
 START = "start one on the robot's computer: fleet video"
@@ -24,16 +28,26 @@ class VideoRelay:
     """Asks the programs that send one robot's video; on the loop."""
 
     def __init__(
-        self, robot: str, key: str, bus_session: ZenohSession, loop: asyncio.AbstractEventLoop, clock: Clock
+        self,
+        robot: str,
+        key: str,
+        bus_session: ZenohSession,
+        loop: asyncio.AbstractEventLoop,
+        clock: Clock,
+        *,
+        tell: Callable[[Reply], None],
     ) -> None:
         self._robot = robot
         self._key = key
+        self._tell = tell
         self._bus_session = bus_session
         self._loop = loop
         self._clock = clock
 
     def take(self, ask: Command, receipt: Receipt) -> None:
         """Pass a command on: it is done once a program says so, and refused when none is there to take it."""
+        if ask.origin.way is not Transport.CLOUD:
+            receipt.watch(self._tell)
         refusals: list[str] = []
         asked = self._clock.monotonic()
 
@@ -75,10 +89,27 @@ class VideoRelay:
 
 
 def relay_video(
-    robot: LocalRobot, edge: str, bus_session: ZenohSession, loop: asyncio.AbstractEventLoop, clock: Clock
+    robot: LocalRobot,
+    edge: str,
+    bus_session: ZenohSession,
+    loop: asyncio.AbstractEventLoop,
+    clock: Clock,
+    *,
+    put: Callable[[str, bytes], None],
 ) -> None:
-    """Have a robot's commands for video passed on, those that its adapter does not take itself."""
-    relay = VideoRelay(robot.name, keys.video(edge, robot.name), bus_session, loop, clock)
+    """Have a robot's commands for video passed on, those that its adapter does not take itself.
+
+    ``put`` puts a document on the bus, for the bridge.
+    """
+
+    def tell(reply: Reply) -> None:
+        if reply.done is not None:
+            now = clock.time()
+            status = video_status(reply, stamp=now, source_type=robot.source_type)
+            key = data_key(robot.twin, STATUS_CHANNELS[reply.command])
+            put(key, json_sample(status, stamp=now, sequence=0))
+
+    relay = VideoRelay(robot.name, keys.video(edge, robot.name), bus_session, loop, clock, tell=tell)
     for name in VIDEO_TYPES:
         if robot.spec_of(name) is None:
             robot.controller.own[name] = relay.take

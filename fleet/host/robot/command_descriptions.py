@@ -11,7 +11,12 @@ import msgspec
 
 from fleet.commands import CommandSpec
 from fleet.host.robot.adapter_factory import Capabilities
-from fleet.model.description import CommandDescription, ParameterDescription, RobotDescription
+from fleet.model.description import (
+    CommandDescription,
+    FenceDescription,
+    ParameterDescription,
+    RobotDescription,
+)
 from fleet.robot_config import Limits
 from fleet.wire.commands import VERBS
 from fleet.wire.stops import STOP_WORDS
@@ -44,6 +49,7 @@ def description(
     own: Iterable[str],
     limits: Limits,
     refusal: Refusal,
+    fence: FenceDescription | None = None,
 ) -> RobotDescription:
     """Return what a robot takes. ``own`` are the commands that the host answers itself; stops come first."""
     names = [*sorted(STOP_WORDS), *sorted(own)]
@@ -58,6 +64,7 @@ def description(
         goals=can.drives or can.navigates,
         missions=can.navigates,
         limits={name: value for name, value in limits if value is not None},
+        fence=fence,
     )
 
 

@@ -7,18 +7,18 @@ from __future__ import annotations
 
 import asyncio
 import logging
-import struct
 from collections.abc import Iterable, Mapping
 from typing import Any
 
 from fleet.adapter import Adapter, FrameAdapter, Robot, Send
-from fleet.commands import CommandSpec, arguments
-from fleet.errors import Fault, LinkLost, NotReady, Refused
+from fleet.commands import CommandSpec
+from fleet.errors import Fault, LinkLost
+from fleet.host.robot.frame_commands import FrameCommands
 from fleet.link.base import Address, Link
 from fleet.link.framing import Framer
-from fleet.link.latest_motion import Frames, LatestMotion
-from fleet.link.motion_sender import LOOK, MotionSender
-from fleet.link.url import opened_link, parse
+from fleet.link.latest_motion import LatestMotion, MotionFrames
+from fleet.link.motion_sender import POLL_INTERVAL, MotionSender
+from fleet.link.url import opened_link, parse_link_url
 from fleet.model.command import Command
 from fleet.model.geometry import Velocity
 from fleet.model.health import Health, Level
@@ -26,7 +26,6 @@ from fleet.model.joints import JointRange
 from fleet.model.report import Report
 from fleet.runtime.exception_barrier import failure_of
 
-_BAD_DATA = (LookupError, TypeError, ValueError, ArithmeticError, AttributeError, struct.error)
 _log = logging.getLogger(__name__)
 
 
@@ -41,21 +40,23 @@ class FrameAdapterRunner(Adapter[Any]):
         if not self._last_resort:
             raise Fault(f"{type(inner).__name__}.halt() yields no frame", hint="a robot must be stoppable")
         # One that listens does not know whom to greet until the robot speaks.
-        self._robot_speaks_first = parse(inner.config.link).scheme == "udpin"
+        self._robot_speaks_first = parse_link_url(inner.config.link).scheme == "udpin"
         self._peer: Address = None
         self._session: _Session
         self._link: Link
         self._slot: LatestMotion
         self._motion: MotionSender
+        self._commands: FrameCommands
 
     async def connect(self) -> None:
         """Open the link and greet; raises LinkLost or LinkRefused."""
         url, self._session = self.config.link, _Session(self)
         self._link = await self.robot.enter(opened_link(url, self._session.arrived))
-        self._slot = LatestMotion(self._link, self.robot.clock, baud=parse(url).baud)
+        self._slot = LatestMotion(self._link, self.robot.clock, baud=parse_link_url(url).baud)
         self._motion = MotionSender(
             self._slot, self.robot.clock, encode=self._encode, stop=self._halt_frames, every=self.inner.repeat
         )
+        self._commands = FrameCommands(self.inner, self._motion, self.write)
         if not self._robot_speaks_first:
             self._leave_halt()
             self.write(self.inner.hello())
@@ -97,33 +98,17 @@ class FrameAdapterRunner(Adapter[Any]):
         """Write this velocity and go on repeating it; raises NotReady when the link is gone."""
         self._motion.drive(velocity)
 
-    def _encode(self, velocity: Velocity) -> Frames:
+    def _encode(self, velocity: Velocity) -> MotionFrames:
         """Translate a velocity."""
         return tuple(self.inner.drive(velocity))
 
     async def perform(self, spec: CommandSpec, command: Command) -> None:
-        """Write the frames of a declared command; raises Refused, Unsupported or NotReady."""
-        turn = self._motion.turn
-        frames = self._frames_of(spec, command)
-        if spec.moves:
-            self._motion.carry_out(frames, turn)
-        else:
-            self._ready(frames)
+        """Carry out a declared command; raises as ``FrameCommands.perform``."""
+        await self._commands.perform(spec, command)
 
-    def _frames_of(self, spec: CommandSpec, command: Command) -> Frames:
-        """Translate a command; what its data makes the translation raise is the asker's fault."""
-        try:
-            return tuple(getattr(self.inner, spec.method)(**arguments(spec, command.data)))
-        except _BAD_DATA as error:
-            _log.warning("%s: %s cannot be encoded: %r", self.config.name, command.name, error)
-            raise Refused(f"{command.name} cannot be encoded: {error!r}", hint="check its data") from error
-
-    def _ready(self, frames: Frames) -> None:
-        """Write frames of a command that moves nothing."""
-        try:
-            self.write(frames)
-        except LinkLost as error:
-            raise NotReady(str(error), hint="the link is being opened again") from error
+    def decoded(self) -> None:
+        """Let commands go on that have waited for what the last frame showed."""
+        self._commands.decoded()
 
     def joint_ranges(self) -> Mapping[str, JointRange]:
         """Return the joints that take targets."""
@@ -143,7 +128,7 @@ class FrameAdapterRunner(Adapter[Any]):
         """Write the safe-stop frames at once and forget the velocity; from any thread."""
         self._motion.halt()
 
-    def _halt_frames(self) -> Frames:
+    def _halt_frames(self) -> MotionFrames:
         """Return fresh stop frames, or those of the start: a bug must not keep a robot moving."""
         try:
             return tuple(self.inner.halt()) or self._last_resort
@@ -170,7 +155,7 @@ class _Session:
         """Ask the host for periodic calls, and take what has arrived while the link was being opened."""
         inner = self._inner
         self._heard = self._robot.clock.monotonic()  # the line may have taken long to open
-        self._robot.every(LOOK, motion.look)
+        self._robot.every(POLL_INTERVAL, motion.look)
         self._robot.every(inner.tick_every, self._tick)
         if inner.silence > 0:
             self._robot.every(inner.silence / 4, self._listen)
@@ -213,12 +198,16 @@ class _Session:
             self._say(said)
             if not self._understood:
                 self._understood = True
-                self._robot.health(Health())
+                if not isinstance(said, Health):
+                    self._robot.health(Health())
+        self._framed.decoded()
 
-    def _say(self, said: Report | Send) -> None:
-        """Publish a report, or write an answer."""
+    def _say(self, said: Report | Send | Health) -> None:
+        """Publish a report or a health, or write an answer."""
         if isinstance(said, Send):
             self._framed.write((said.frame,))
+        elif isinstance(said, Health):
+            self._robot.health(said)
         else:
             self._robot.report(said)
 

@@ -81,10 +81,8 @@ class LocalRobot:
         self.config = config
         self._drop_in, self._supervised = drop_in, supervised
         self.name, self.twin = config.name, str(config.twin)
-        self.source_type = config.source_type
+        self.source_type, self.legacy_status = config.source_type, config.legacy_status
         self._simulated = config.simulated  # here once: the state is asked for often
-        self.legacy_status = config.legacy_status
-        self._adapter = adapter
         self._edge, self._worker = edge, worker
         self._clock, self._scheduler, self._shared = clock, scheduler, shared
         self._send = outbox.sender(self.twin)
@@ -94,7 +92,7 @@ class LocalRobot:
         self._context = contextvars.copy_context()
         self._context.run(OWNER.set, config.name)
         self._online = self.in_use = False  # in_use: moved through this edge, which has kept it since
-        self._log = robot_log(config.name)
+        self._adapter, self._log = adapter, robot_log(config.name)
         self._refusals = RateLimitedCounter(self._log, clock)
         self._record = never_raises(record)  # into the edge's history
         self._recorder = HistoryRecorder(self.publish, clock)
@@ -328,6 +326,7 @@ class LocalRobot:
             age=rounded(self._seen.age(self._clock.monotonic())),
             run=self.controller.lease.run,
             left_run=self.controller.lease.left,
+            heading=rounded(self._seen.heading),
         )
 
     def describe(self) -> RobotDescription:
@@ -337,7 +336,8 @@ class LocalRobot:
             self._adapter,
             self._can,
             own=self.controller.own,
-            limits=self.config.limits.over(self._can.limits),
+            limits=self._limits,
+            fence=self.controller.guard.borders,
             refusal=partial(would_refuse, self.controller),
         )
 

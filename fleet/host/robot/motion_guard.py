@@ -19,6 +19,7 @@ from fleet.host.robot.battery_watch import BatteryWatch
 from fleet.host.robot.separation_keeper import SeparationKeeper
 from fleet.host.safety.fence import Fence
 from fleet.model.command import Command, Reply
+from fleet.model.description import FenceDescription
 from fleet.model.event import EventKind
 from fleet.model.geodesy import GeoOrigin, GeoPoint, world_from_geo
 from fleet.model.geometry import ZERO_VELOCITY, Pose, Vector3, Velocity, rotate_to_world
@@ -26,7 +27,7 @@ from fleet.model.navigation import FlyMission, FollowPath, Goal, GoTo, RelativeM
 from fleet.model.polygon import Polygon
 from fleet.model.report import BatteryReport, FlightControllerReport, PoseReport, Report
 from fleet.robot_config import AdapterConfig, FenceConfig, Limits
-from fleet.runtime.decoding import convert
+from fleet.runtime.decoding import convert_strictly
 
 STALE = 1.0  # s after which a pose is too old to keep a fence by
 BEGINNINGS = frozenset({"takeoff", "arm"})
@@ -89,13 +90,20 @@ class MotionGuard:
                 free=lambda: not self.taken and robot.free,
             )
         place = config.origin
-        self._origin = None if place is None else convert(place, GeoOrigin, from_attributes=True)
+        self._origin = None if place is None else convert_strictly(place, GeoOrigin, from_attributes=True)
         self._home: GeoPoint | None = None
         self._pose: Pose | None = None
         self._seen = 0.0
         self._trouble = ""
         self._fence: Fence | None = None
         self._draw()
+
+    @property
+    def borders(self) -> FenceDescription | None:
+        """The fence in the robot's world, None without one or while its corners cannot be placed."""
+        if self._config is None or self._fence is None:
+            return None
+        return FenceDescription(self._fence.inclusion, self._fence.exclusion)
 
     # -- what the robot tells ------------------------------------------------------------------------
 

@@ -11,7 +11,8 @@ import msgspec
 from fleet.clock import Clock
 from fleet.errors import CommandError, LinkError
 from fleet.host.follow.goal_follower import GoalNavigator
-from fleet.host.journal.journal import PastCommand, RobotJournal, answer_to
+from fleet.host.journal.journal import RobotJournal
+from fleet.host.journal.past_commands import PastCommand, answer_to
 from fleet.host.requests.action import Action
 from fleet.host.requests.receipt import Receipt
 from fleet.host.runtime.cancellation import cancel_and_wait, closing, no_wait, was_cancelled

@@ -36,6 +36,9 @@ class BridgePort(Protocol):
     def cross(self, batch: Sequence[tuple[Any, Report]]) -> None:
         """Take reports, each with where it crosses."""
 
+    def arrived(self, key: str, sample: bytes) -> None:
+        """Take a sample of the bus."""
+
 
 class _Channel:
     """One channel of one twin: its newest report, whether that waits, and how many samples were put.
@@ -96,6 +99,8 @@ class _Robot:
 
     def _put_event(self, report: Report) -> None:
         """Take an event, unless too many wait."""
+        if type(report) is NavigationReport:
+            self._outbox.navigates(report)
         if len(self.events) < WAITING:
             self.events.append(report)
             self._outbox.eventful.append(self)
@@ -107,17 +112,25 @@ class ReportQueue:
     """All reports of one process; ``bridge`` is the one of this process, where there is one."""
 
     def __init__(self, bus_session: ZenohSession) -> None:
+        self._bus_session = bus_session
         self._publishers = bus_session.publishers(ALL)
         self._channels: list[_Channel] = []
         self.states: deque[_Channel] = deque()  # which wait, each once
         self.eventful: deque[_Robot] = deque()  # each once for each of its events
         self.bridge: BridgePort | None = None
+        self.navigates: Callable[[NavigationReport], None] = lambda _report: None  # hears of each action
         self.dropped = 0
         bus_session.answer(ALL, self._asked)
 
     def sender(self, twin: str) -> Callable[[Report], None]:
         """Return what takes one robot's reports; they leave with the next ``flush``."""
         return _Robot(twin, self).put
+
+    def put_document(self, key: str, sample: bytes) -> None:
+        """Put a document on the bus at once; this process's bridge, which hears only others, gets it too."""
+        self._bus_session.put(key, sample)
+        if self.bridge is not None:
+            self.bridge.arrived(key, sample)
 
     def flush(self) -> None:
         """Put everything that waits."""

@@ -36,6 +36,7 @@ class Snapshot:
         self.armed: bool | None = None
         self.battery: float | None = None
         self.position: Vector3 | None = None
+        self.heading: float | None = None  # radians counter-clockwise from +x of its world
         self.home_altitude: float | None = None
         self._way: NavigationReport | None = None  # of the action under way
         self.heard: float | None = None
@@ -46,7 +47,7 @@ class Snapshot:
         """Note what a report says."""
         match report:
             case PoseReport():
-                self.position = report.position
+                self.position, self.heading = report.position, report.rotation.yaw
                 self._measure(report)
             case BatteryReport():
                 self.battery = report.percent

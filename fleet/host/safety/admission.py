@@ -61,14 +61,25 @@ class Admission:
         if ask.name in STOP_WORDS:
             return None
         ends_a_stop = ask.name == RELEASE or (moves and not safe)
-        refusal = self._policy.refusal(ask.origin) or self._age(
-            _asker(ask.origin), ask.stamp, self._command_max_age, moves=ends_a_stop
+        asked_for = ask.name == JOIN and not ask.origin.session.startswith(RUN_SESSION)  # by its starter
+        refusal = self._policy_refusal(ask) or self._age(
+            _asker(ask.origin), ask.stamp, self._command_max_age, moves=ends_a_stop or asked_for
         )
         refusal = refusal or self._standing(ask, moves=moves, safe=safe)
         if refusal is None and ends_a_stop and ask.name != RELEASE:
             self._take(ask.origin)
         if refusal is None and moves:  # what is safe passes though a run has the robot
             self.lease.others_moved(ask.origin.session, f"taken: {ask.name} by {_named(ask.origin)}")
+        return refusal
+
+    def _policy_refusal(self, ask: Command) -> str | None:
+        """Judge who asks. A run joins its robots in the name of who started it, to command or to lead them.
+
+        Each of its steps is judged again. Whoever let it join lets it leave.
+        """
+        refusal = self._policy.refusal(ask.origin)
+        if refusal is not None and ask.name in (JOIN, LEAVE):
+            return self._policy.refusal(ask.origin, navigation=True)
         return refusal
 
     def join(self, ask: Command) -> None:

@@ -12,7 +12,7 @@ from collections.abc import Iterable
 import msgspec
 
 from fleet.model.geometry import Vector3
-from fleet.model.polygon import Point, Polygon, contains, crosses, distance_to_border
+from fleet.model.polygon import Point, Polygon, crosses, distance_to_border, polygon_contains
 
 SLACK = 1.0  # m out of bounds that is put down to the position's noise and to overshooting
 STEP = 0.1  # m
@@ -35,9 +35,9 @@ class Fence(msgspec.Struct, frozen=True):
     def trouble(self, point: Vector3, home: Vector3) -> str:
         """Return why the robot may not be at a point, empty when it may."""
         flat = (point.x, point.y)
-        if any(contains(polygon, flat) for polygon in self.exclusion):
+        if any(polygon_contains(polygon, flat) for polygon in self.exclusion):
             return "in an exclusion of the fence"
-        if self.inclusion and not any(contains(polygon, flat) for polygon in self.inclusion):
+        if self.inclusion and not any(polygon_contains(polygon, flat) for polygon in self.inclusion):
             return "outside the fence"
         away = _away(point, home)
         if self.distance is not None and away > self.distance:
@@ -71,7 +71,7 @@ class Fence(msgspec.Struct, frozen=True):
         """Return whether a straight way between allowed points meets what is not."""
         if any(crosses(polygon, start, end) for polygon in self.exclusion):
             return True
-        homes = [polygon for polygon in self.inclusion if contains(polygon, start)]
+        homes = [polygon for polygon in self.inclusion if polygon_contains(polygon, start)]
         return bool(homes) and all(crosses(polygon, start, end) for polygon in homes)
 
     def admitted(self, point: Vector3, velocity: Vector3, home: Vector3) -> Vector3:
@@ -99,8 +99,8 @@ class Fence(msgspec.Struct, frozen=True):
     def _beyond(self, point: Vector3, home: Vector3) -> float:
         """Return how many metres a point is out of bounds, 0 inside."""
         flat = (point.x, point.y)
-        worst = [distance_to_border(each, flat) for each in self.exclusion if contains(each, flat)]
-        if self.inclusion and not any(contains(polygon, flat) for polygon in self.inclusion):
+        worst = [distance_to_border(each, flat) for each in self.exclusion if polygon_contains(each, flat)]
+        if self.inclusion and not any(polygon_contains(polygon, flat) for polygon in self.inclusion):
             worst.append(min(distance_to_border(polygon, flat) for polygon in self.inclusion))
         if self.distance is not None:
             worst.append(_away(point, home) - self.distance)

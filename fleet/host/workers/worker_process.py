@@ -2,8 +2,7 @@
 
 It joins the edge's bus and runs its robots. Its links, dead-men and stops are here; the edge reaches it only
 over the bus. Started by the edge, which says on its standard input what it is to run, without the edge's
-environment; or by hand on another machine, with a copy of fleet.yaml:
-``python -m fleet.host.workers.worker_process --name arm --config fleet.yaml``.
+environment; or on another computer, with a copy of fleet.yaml: ``fleet run --worker arm fleet.yaml``.
 """
 
 from __future__ import annotations
@@ -28,6 +27,7 @@ from fleet.host.logs.setup import LogSettings, start_logging
 from fleet.host.process.common_start import take_starts
 from fleet.host.process.driverlog import publish_robot_logs
 from fleet.host.process.history_service import HistoryService
+from fleet.host.process.interrupted_commands import tell_interrupted_commands
 from fleet.host.process.robot_process import RobotProcess
 from fleet.host.process.stop_inputs import TELL, HeldByEdge
 from fleet.host.process.stop_service import serve_stops
@@ -38,9 +38,6 @@ from fleet.host.workers.reload import RELOADED, Reload
 from fleet.host.workers.worker_task import Importer, WorkerTask, read_task, task_of
 from fleet.runtime.event_loop import run as run_loop
 from fleet.supervisor.client import connect_supervisor
-from fleet.supervisor.notices import print_in_thread
-from fleet.supervisor.sockets import VARIABLE, socket_of
-from fleet.supervisor.supervisor import Supervisor
 
 log = logging.getLogger(__name__)
 
@@ -99,7 +96,9 @@ async def run(task: WorkerTask, directory: Path, parent: int | None) -> int:
             log.error("the edge is gone: worker %s ends", name)
             ended.set()
 
+    journal.ends_are_told = lambda: parent is None or os.getppid() == parent
     process.scheduler.every(BEAT, show_life, failed=lambda _: ended.set())
+    tell_interrupted_commands(process, process.robots.values())
     process.start()
     process.supervised.running()
     try:
@@ -131,10 +130,6 @@ def main() -> int:
     if (given.name is None) != (given.config is None):
         parser.error("--name and --config come together")
     start_logging(LogSettings(logging.INFO))
-    if given.parent is None and VARIABLE not in os.environ:  # by hand: nobody else would halt its robots
-        command = [sys.executable, "-P", "-m", "fleet.host.workers.worker_process", *sys.argv[1:]]
-        path = socket_of(runtime_dir(), os.getpid())
-        return Supervisor(command, path=path, told=print_in_thread, clock=SystemClock()).run()
     try:
         if given.config is None:
             task = read_task(sys.stdin.buffer.read())

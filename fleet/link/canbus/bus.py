@@ -130,7 +130,7 @@ BusText = Annotated[str, AfterValidator(_checked)]
 """The type of a bus in an adapter's config: checked when fleet.yaml is read."""
 
 
-class Bus:
+class OpenCanBus:
     """One open bus. ``dropped`` counts frames that could not be sent, ``errors`` error frames.
 
     ``data_bitrate`` (bit/s) makes it a bus of CAN FD.

@@ -12,7 +12,7 @@ from collections import deque
 from fleet.clock import SystemClock
 from fleet.errors import LinkLost
 from fleet.link.base import Address, LinkStats, Receiver
-from fleet.link.canbus.bus import Bus, BusUrl, parse_link
+from fleet.link.canbus.bus import BusUrl, OpenCanBus, parse_link
 from fleet.link.canbus.frame import CanFrame
 from fleet.link.link_end import LinkEnd
 
@@ -26,7 +26,7 @@ _CLASSIC = 1_000_000  # bit/s, for interfaces that are not told
 class CanLink:
     """An open bus. ``send`` may be called from any thread."""
 
-    def __init__(self, url: str, bus: Bus, receiver: Receiver, *, fd: bool) -> None:
+    def __init__(self, url: str, bus: OpenCanBus, receiver: Receiver, *, fd: bool) -> None:
         self.url = url
         self.stats = LinkStats()
         self._bus = bus
@@ -119,5 +119,5 @@ async def open_can(url: str, receiver: Receiver) -> CanLink:
     return CanLink(url, bus, receiver, fd=parts.data_bitrate is not None)
 
 
-def _open(url: str, parts: BusUrl) -> Bus:
-    return Bus(parts.channel, url, parts.bitrate or _CLASSIC, SystemClock(), parts.data_bitrate)
+def _open(url: str, parts: BusUrl) -> OpenCanBus:
+    return OpenCanBus(parts.channel, url, parts.bitrate or _CLASSIC, SystemClock(), parts.data_bitrate)

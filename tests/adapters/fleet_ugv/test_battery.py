@@ -2,7 +2,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from fleet_ugv.battery import TEN_LITHIUM, THREE_LITHIUM, checked_curve, percent
+from fleet_ugv.battery import TEN_LITHIUM, THREE_LITHIUM, checked_curve, percent, voltage
 
 
 @given(st.floats(0, 100), st.floats(0, 100), st.sampled_from([THREE_LITHIUM, TEN_LITHIUM]))
@@ -10,6 +10,11 @@ def test_more_volts_are_never_less_percent(one, other, curve):
     low, high = sorted((percent(one, curve), percent(other, curve)))
     assert 0 <= low <= high <= 100
     assert (percent(min(one, other), curve), percent(max(one, other), curve)) == (low, high)
+
+
+@given(st.floats(0, 100), st.sampled_from([THREE_LITHIUM, TEN_LITHIUM]))
+def test_a_charge_has_the_volts_that_mean_it(charge, curve):
+    assert percent(voltage(charge, curve), curve) == pytest.approx(charge, abs=1e-6)
 
 
 @pytest.mark.parametrize(

@@ -29,7 +29,15 @@ from fleet.model.report import (
     TelemetryReport,
 )
 from fleet.wire.databus import encode_report
-from fleet.wire.rulebook import Change, Changes, of_a_twin, of_an_environment, of_any_run, rulebook
+from fleet.wire.rulebook import (
+    Change,
+    Changes,
+    of_a_twin,
+    of_a_workflow,
+    of_an_environment,
+    of_any_run,
+    rulebook,
+)
 from fleet.wire.rules import (
     CHANNEL_SUFFIXES,
     ENVIRONMENT,
@@ -45,6 +53,7 @@ from fleet.wire.video import VIDEO_TYPES
 
 TWIN = "6f0c9a1e-8d2b-4c57-9a39-2f4a1d0b7c11"
 PLACE = "6f0c9a1e-8d2b-4c57-9a39-2f4a1d0b7c50"
+WORKFLOW = "6f0c9a1e-8d2b-4c57-9a39-2f4a1d0b7c60"
 V = Vector3(1, 2, 3)
 REPORTS = [
     PoseReport(1.0, V, Quaternion()),
@@ -92,6 +101,8 @@ MESSAGES = {
     "edge_health": {"type": "edge_health", "edge_id": "yard-0", "uptime_seconds": 9999.0},
     "ping:request": {"type": "ping"},
     "pong:response": {"type": "pong"},
+    "workflow:run": {"execution_uuid": "e1"},
+    "workflow:cancel": {"execution_uuid": "e1"},
     "workflow-run:status": {"status": "running"},
     ENVIRONMENT: {},
 }
@@ -114,7 +125,13 @@ class World:
             self.topics,
             {TWIN: port},
             edge="yard-1",
-            rules=BridgeRules({TWIN: of_a_twin(book)}, {PLACE: of_an_environment(book)}, of_any_run(book)),
+            rules=BridgeRules(
+                {TWIN: of_a_twin(book)},
+                {PLACE: of_an_environment(book)},
+                of_any_run(book),
+                workflows={WORKFLOW: of_a_workflow(book)},
+            ),
+            handlers=dict.fromkeys(("workflow:run", "workflow:cancel"), self._asked),
             put=lambda key, _sample: self.put.append(key),
             alive=lambda _name: True,
             claimed=lambda *claim: self.claims.append(claim),
@@ -124,14 +141,18 @@ class World:
         self.bridge.client.way = lambda topic, **how: partial(self._publish, topic, **how)
         self.bridge.client.queue = lambda way, payload: way(payload)
 
+    def _asked(self, topic, _message):
+        """Say what the edge says of its workflows."""
+        self.bridge.voice.status(topic.twin, "workflow:execution/started", b"{}")
+        self.bridge.voice.status(topic.twin, "workflow:execution/e1/finished", b"{}")
+
     def _publish(self, topic, payload, **properties):
         json.loads(payload)
         self.published.append((self.topics.parse(topic).suffix, properties.get("qos", 0)))
         return True
 
     def hear(self, suffix, message, **properties):
-        uuid = PLACE if suffix == ENVIRONMENT else TWIN
-        topic = self.topics.twin(uuid, suffix.replace("+", "twin_added"))
+        topic = self.topics.twin(_uuid(suffix), suffix.replace("+", "twin_added"))
         self.bridge.downlink.arrived([CloudMessage(topic, json.dumps(message).encode(), **properties)])
         self.bridge.downlink.take()
 
@@ -140,6 +161,13 @@ class World:
         self.bridge.uplink.arrived(f"cw/{uuid}/data/{channel}", sample)
         for _ in self.bridge.turn():
             pass
+
+
+def _uuid(suffix):
+    """Return whose topic it is."""
+    if suffix.startswith("workflow:"):
+        return WORKFLOW
+    return PLACE if suffix == ENVIRONMENT else TWIN
 
 
 @pytest.fixture
@@ -174,13 +202,11 @@ def test_what_the_edge_says_itself_is_what_the_table_says(world, rex):
     world.hear("command", {"command": "takeoff"})
     world.hear("command", {"command": "takeoff"}, response_topic=f"cyberwave/twin/{TWIN}/command/a/response")
     world.hear("mission/command", MESSAGES["mission/command"])
+    world.hear("workflow:run", MESSAGES["workflow:run"])
     for name in VIDEO_TYPES:
         rex.answers = lambda *_, name=name: Reply(name, ReplyStatus.ACCEPTED, done=True)
         world.hear("command", {"type": name})
-    said = {
-        "command/+/response" if suffix == "command/a/response" else suffix: qos
-        for suffix, qos in world.published
-    }
+    said = {suffix.replace("/a/", "/+/").replace("/e1/", "/+/"): qos for suffix, qos in world.published}
     assert said == {rule.suffix: rule.qos for rule in RULES.values() if rule.form is TopicForm.SAID}
     assert REPLY_INBOX in said
     assert all(rule_of(suffix) for suffix, _ in world.published)
@@ -210,7 +236,7 @@ def test_the_subscriptions_are_those_of_the_table(world):
     wanted = {
         world.topics.filter(
             rule.suffix,
-            PLACE if rule.suffix == ENVIRONMENT else None if rule.suffix.startswith("workflow") else TWIN,
+            None if rule.suffix.startswith("workflow-run") else _uuid(rule.suffix),
         ): rule.qos
         for rule in INWARD.values()
     }

@@ -109,7 +109,7 @@ def spawn_slow_reader(spawn):
 
 @pytest.fixture
 def sees():
-    """Wait until a lane sees a token."""
+    """Wait until a session sees a token."""
 
     def sees(bus_session, key):
         seen = threading.Event()

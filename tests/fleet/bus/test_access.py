@@ -135,7 +135,7 @@ def yard(directory, opened, certificates, there):
 
 @pytest.fixture
 def joined(opened, directory, certificates, there, yard):
-    """Join the edge as somebody; gives the lane."""
+    """Join the edge as somebody; returns the session."""
 
     def joined(name):
         settings = BusSettings("away", connect=(there,), tls=certificates(name))
@@ -146,7 +146,7 @@ def joined(opened, directory, certificates, there, yard):
 
 @pytest.fixture(params=[*ROLES, STRANGER])
 def intruder(request, joined):
-    """Join as one of the identities; gives its name and its lane."""
+    """Join as one of the identities; returns its name and its session."""
     return request.param, joined(request.param)
 
 

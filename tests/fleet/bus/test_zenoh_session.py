@@ -13,7 +13,7 @@ from fleet.testing.waiting import DEADLINE, wait_until
 
 @pytest.fixture
 def caller(directory, opened, edge):
-    """Join the edge's control lane."""
+    """Join with the edge's control session."""
     return opened(join_control(BusSettings("yard"), directory))
 
 
@@ -40,7 +40,7 @@ def test_one_subscription_for_many_keys_calls_only_what_belongs_to_the_very_key(
 
 def test_publishers_know_which_of_their_keys_somebody_else_listens_to(edge, caller):
     states = edge.control.publishers("fleet/yard/robots/*/state")
-    edge.control.subscribe("fleet/yard/**", lambda *_: None)  # our own lane is nobody else
+    edge.control.subscribe("fleet/yard/**", lambda *_: None)  # our own session is nobody else
     heard = queue.Queue()
     assert states.wanted("fleet/yard/robots/rex/state") is None
     caller.subscribe("fleet/yard/robots/rex/state", lambda *sample: heard.put(sample))

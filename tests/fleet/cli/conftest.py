@@ -145,6 +145,10 @@ class PlayedEdge:
         """Answer for a robot with what is no state."""
         self._control.answer(keys.state(self.edge, name), self._event_reporter(b"garbage"))
 
+    def tells(self, key, value):
+        """Answer a question on a key with a value."""
+        self._control.answer(key, self._event_reporter(msgspec.json.encode(value)))
+
     def sees(self, other):
         """Wait until another edge is seen."""
         seen = threading.Event()

@@ -82,6 +82,7 @@ def test_the_mission_of_the_demo_is_valid_for_the_robots_that_are_there(tmp_path
 def test_the_demo_offers_its_mission():
     notes = Notes()
     _welcome(notes, "127.0.0.1", 1883, TRIES[:1])
+    assert any(line.endswith("mission rehearse patrol") for line in notes.lines)
     assert any(line.endswith("mission run patrol") for line in notes.lines)
 
 

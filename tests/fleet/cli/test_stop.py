@@ -4,15 +4,12 @@ import subprocess
 import sys
 import threading
 
-import msgspec
 import pytest
 
 from fleet.bus.settings import BusSettings, runtime_dirs
 from fleet.cli.edges import decoded
 from fleet.cli.outline import Outline
-from fleet.cli.stop import DONE, UNSEEN, _outcome
 from fleet.errors import BusError
-from fleet.model.state import RobotState
 from fleet.supervisor.protocol import StopAnswer
 from fleet.testing.waiting import DEADLINE
 
@@ -96,15 +93,6 @@ def test_a_state_from_before_the_stop_shows_no_stop(fleet, play_edge, monkeypatc
     result = fleet("stop", "--all", "--json")
     assert result.json["failed"] == {"rex": "no state of it came after the stop"}
     assert result.json["stopped"] == []
-
-
-def test_a_robot_that_was_asked_to_land_after_the_stop_was_stopped():
-    landing = RobotState(
-        "kestrel", "", "toy", "yard-1", 2.0, last_command="land", emergency_stop=True, reachable=True
-    )
-    assert _outcome(landing, first=1.0) == DONE
-    assert _outcome(landing, first=2.0) == UNSEEN
-    assert _outcome(msgspec.structs.replace(landing, reachable=False), first=1.0) == UNSEEN
 
 
 def test_an_edge_that_took_the_stop_from_its_supervisor_is_not_missing(fleet, yard, monkeypatch):

@@ -1,51 +1,38 @@
+import importlib.util
 import pathlib
+import sys
 import textwrap
+from importlib.metadata import EntryPoint
 
 import pytest
 
 from fleet.config.load import load
 from fleet.config.problems import InvalidConfig
-from fleet.plugins.registry import Registry
+from fleet.plugins.registry import GROUP, Registry
 
-TOY = """
-from typing import Literal
-
-from pydantic import Field, SecretStr
-
-from fleet import AdapterConfig, FrameAdapter
-
-
-class ToyConfig(AdapterConfig):
-    adapter: Literal["toy"]
-    link: str = Field(description="Where the toy is.")
-    system_id: int = Field(1, ge=1, le=255, description="The toy's number.")
-    armed: bool = Field(False, description="Whether it is armed.")
-    pace: Literal["slow", "fast"] = Field("slow", description="How fast it goes.")
-    pin: SecretStr | None = Field(None, description="Its secret.")
-
-    def identity(self):
-        return f"{self.link}#{self.system_id}"
-
-
-class Toy(FrameAdapter[ToyConfig]):
-    Config = ToyConfig
-
-    def decode(self, frame, stamp):
-        return ()
-
-    def halt(self):
-        return (b"halt",)
-"""
+TOY = pathlib.Path(__file__).with_name("toy.py")
+_spec = importlib.util.spec_from_file_location("toy_for_config", TOY)
+sys.modules["toy_for_config"] = importlib.util.module_from_spec(_spec)
+_spec.loader.exec_module(sys.modules["toy_for_config"])
+INSTALLED = EntryPoint(name="toy", value="toy_for_config:Toy", group=GROUP)
 
 
 class Yard:
-    """A folder with a fleet file and a toy adapter in it."""
+    """A folder with a fleet file, and a toy adapter: installed, or (``drop_in``) a file in its plugin folder.
+
+    A drop-in file is asked in a process of its own, which takes a third of a second for each load.
+    """
 
     def __init__(self, folder: pathlib.Path):
         self.folder = folder
         self.file = folder / "fleet.yaml"
         (folder / "plugins").mkdir()
-        (folder / "plugins" / "toy.py").write_text(TOY)
+        self.installed = [INSTALLED]
+
+    def drop_in(self):
+        """Have the toy as a drop-in file from now on."""
+        (self.folder / "plugins" / "toy.py").write_bytes(TOY.read_bytes())
+        self.installed = []
 
     def write(self, text, name="fleet.yaml", mode=0o644):
         path = self.folder / name
@@ -56,7 +43,7 @@ class Yard:
     def load(self, text=None, environ=None, **options):
         if text is not None:
             self.write(text)
-        return load(self.file, environ or {}, registry=Registry([]), **options)
+        return load(self.file, environ or {}, registry=Registry(self.installed), **options)
 
     def problems(self, text=None, environ=None, **options):
         """Return each problem as ``line:column: path: message (hint)``."""

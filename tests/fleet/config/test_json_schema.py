@@ -23,7 +23,7 @@ class Other(FrameAdapter[OtherConfig]):
 @pytest.fixture
 def schema(yard):
     yard.write(OTHER, "plugins/other.py")
-    registry = Registry([])
+    registry = Registry(yard.installed)
     registry.add_folder(yard.folder / "plugins")
     return json_schema(registry)
 

@@ -233,6 +233,7 @@ def test_an_unknown_adapter_may_be_in_a_file_that_failed(yard):
 
 
 def test_a_validator_that_crashes_is_a_problem_of_its_robot(yard):
+    yard.drop_in()
     toy = (yard.folder / "plugins" / "toy.py").read_text()
     yard.write(toy.replace('return f"{self.link}#{self.system_id}"', "raise KeyError(1)"), "plugins/toy.py")
     assert yard.problems(small()) == [
@@ -259,7 +260,15 @@ def test_two_hundred_robots_load(yard):
     assert len(yard.load(small() + robots).robots) == 200
 
 
+def test_a_drop_in_file_is_read_and_told_as_an_installed_adapter(yard, fleet_text):
+    problems = yard.problems(fleet_text.replace("pace: fast", "pace: fsat"))
+    yard.drop_in()
+    assert yard.problems() == problems
+    assert [plugin.name for _, plugin in yard.load(fleet_text).robots] == ["toy", "toy"]
+
+
 def test_adapters_are_found_though_the_file_is_wrong(yard):
+    yard.drop_in()
     yard.write("plugins: [plugins]\nnonsense: 1\n")
     assert registry_for(yard.file, {}, Registry([])).names() == ("toy",)
 

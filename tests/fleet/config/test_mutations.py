@@ -55,9 +55,7 @@ def mutations(lines):
 
 @pytest.fixture
 def registry(yard):
-    registry = Registry([])
-    registry.add_folder(yard.folder / "plugins")
-    return registry
+    return Registry(yard.installed)
 
 
 def test_one_mistake_is_told_at_its_own_line(yard, fleet_text, registry):

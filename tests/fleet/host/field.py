@@ -1,4 +1,4 @@
-"""A field of simulated robots, each with its desk, in time that jumps: nothing waits."""
+"""A field of simulated robots, each with its controller, in time that jumps: nothing waits."""
 
 import asyncio
 import contextlib

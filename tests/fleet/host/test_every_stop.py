@@ -23,6 +23,7 @@ from fleet.host.workers.remote_robot import RemoteRobot
 from fleet.model.geometry import Velocity
 from fleet.runtime.rate_limited_counter import RateLimitedCounter
 from fleet.testing.clock import ManualClock
+from fleet.testing.robot import RecordingRobot
 from fleet.testing.waiting import wait_until
 from fleet.wire.rulebook import of_a_twin, rulebook
 from fleet.wire.topics import Topics
@@ -33,7 +34,7 @@ T = f"cyberwave/twin/{TWIN}"
 HANGS = 20.0  # s that a journal which is blocked stays so, unless it is freed
 
 
-class FakeLane:
+class FakeSession:
     """The bus of one computer, in memory: whoever asks and publishes is served at once."""
 
     def __init__(self):
@@ -97,7 +98,7 @@ class Rig:
     """One robot and all the ways to it; with ``worker`` it runs in one, behind the edge's side of it."""
 
     def __init__(self, puppet, *, worker):
-        self.clock, self.bus_session, self.journal = ManualClock(), FakeLane(), FakeJournal()
+        self.clock, self.bus_session, self.journal = ManualClock(), FakeSession(), FakeJournal()
         self.write = lambda: None  # what the history does with an event
         self.config = puppet.Config(name="rex", twin=TWIN)
         loop = asyncio.get_running_loop()
@@ -110,7 +111,7 @@ class Rig:
             clock=self.clock,
         )
         self.robot: LocalRobot = self.process.robots["rex"]
-        self.puppet = puppet(self.config)
+        self.puppet = puppet(self.config, RecordingRobot())
         self.robot.controller.attach(self.puppet)
         self.robot.controller.found()
         self.process._declare(self.robot)

@@ -4,7 +4,7 @@ from hypothesis import strategies as st
 
 from fleet.errors import LinkLost, NotReady
 from fleet.link.latest_motion import LatestMotion
-from fleet.link.motion_sender import LOOK, MotionSender
+from fleet.link.motion_sender import POLL_INTERVAL, MotionSender
 from fleet.model.geometry import ZERO_VELOCITY, Vector3, Velocity
 from fleet.testing.clock import ManualClock
 
@@ -42,8 +42,8 @@ class Bench:
     def after(self, seconds):
         """Return what is written in the next seconds."""
         self.said.clear()
-        for _ in range(round(seconds / LOOK)):
-            self.clock.advance(LOOK)
+        for _ in range(round(seconds / POLL_INTERVAL)):
+            self.clock.advance(POLL_INTERVAL)
             self.motion.look()
         return list(self.said)
 
@@ -112,7 +112,7 @@ def test_a_robot_that_is_slow_to_read_finds_the_newest(bench):
         bench.motion.drive(Velocity(Vector3(tenth / 10)))
     assert bench.after(0.06) == []
     bench.busy = 0
-    assert bench.after(LOOK) == [b"0.8"]
+    assert bench.after(POLL_INTERVAL) == [b"0.8"]
 
 
 def test_a_link_that_is_gone_is_not_ready_and_a_halt_does_not_fail(bench):

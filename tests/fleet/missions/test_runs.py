@@ -6,6 +6,7 @@ import pytest
 
 from fleet.config.missions import mission_of
 from fleet.errors import Refused
+from fleet.missions.filling import rehearse_command
 from fleet.missions.report import ControlAsk, StartAsk
 from fleet.missions.runs import BACK_WITHIN, JOIN_WITHIN
 from fleet.missions.store import Store
@@ -88,6 +89,20 @@ def test_a_repeat_of_a_start_is_the_same_run(yard):
 def test_a_mission_that_must_be_rehearsed_is_refused(yard):
     ((_, _, refusal),) = yard.start({**MISSION, "rehearse": "required"})
     assert "rehearsed" in refusal
+
+
+def test_a_mission_that_must_be_rehearsed_is_started_by_a_pass_of_its_robots_where_they_are(yard):
+    asked = []
+    yard.runs.filling.rehearsed = lambda *given: asked.append(given[1:]) or ""
+    ((run, _, refusal),) = yard.start({**MISSION, "rehearse": "required"})
+    assert (run, refusal) == ("3f2a", "")
+    assert asked == [({"eye": ["kestrel"], "feet": ["beast"]}, {"kestrel": None, "beast": None})]
+
+
+def test_who_is_refused_for_want_of_a_rehearsal_is_told_what_to_type():
+    ask = StartAsk(inputs={"height": 4}, robots={"eye": ["kestrel"]})
+    assert rehearse_command("patrol", ask) == "fleet mission rehearse patrol height=4 --robot eye=kestrel"
+    assert rehearse_command("patrol", StartAsk(mission=MISSION)) == "fleet mission rehearse FILE"
 
 
 @pytest.mark.parametrize(

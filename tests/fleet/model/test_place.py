@@ -4,7 +4,7 @@ import pytest
 
 from fleet.model.geometry import Vector3
 from fleet.model.place import Place, may_be, point_of
-from fleet.model.polygon import centroid, contains
+from fleet.model.polygon import centroid, polygon_contains
 
 SQUARE = ((10.0, 0.0), (14.0, 0.0), (14.0, 4.0), (10.0, 4.0))
 BEND = ((0.0, 0.0), (9.0, 0.0), (9.0, 1.0), (1.0, 1.0), (1.0, 9.0), (0.0, 9.0))
@@ -16,7 +16,7 @@ def test_robots_are_sent_to_the_middle_of_an_area_half_way_up():
 
 
 def test_the_middle_of_a_bend_is_outside_of_it():
-    assert not contains(BEND, centroid(BEND))
+    assert not polygon_contains(BEND, centroid(BEND))
     assert point_of(BEND, None) == ()
 
 

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from fleet.model.polygon import contains, crosses, distance_to_border, is_simple
+from fleet.model.polygon import crosses, distance_to_border, is_simple, polygon_contains
 
 SQUARE = ((0.0, 0.0), (10.0, 0.0), (10.0, 10.0), (0.0, 10.0))
 NOTCHED = ((0.0, 0.0), (10.0, 0.0), (10.0, 10.0), (5.0, 2.0), (0.0, 10.0))
@@ -15,9 +15,9 @@ points = st.tuples(coordinates, coordinates)
 
 
 def test_a_notch_is_outside():
-    assert contains(NOTCHED, (1.0, 1.0))
-    assert not contains(NOTCHED, (5.0, 8.0))
-    assert not contains(SQUARE, (11.0, 5.0))
+    assert polygon_contains(NOTCHED, (1.0, 1.0))
+    assert not polygon_contains(NOTCHED, (5.0, 8.0))
+    assert not polygon_contains(SQUARE, (11.0, 5.0))
 
 
 def test_a_way_over_a_notch_crosses_the_border_though_both_its_ends_are_inside():
@@ -53,11 +53,11 @@ def test_moved_and_turned_together_nothing_changes(point, x, y, turn):
     other = tuple(moved(corner) for corner in NOTCHED)
     assert distance_to_border(other, moved(point)) == pytest.approx(distance, abs=1e-6)
     if distance > 1e-6:
-        assert contains(other, moved(point)) == contains(NOTCHED, point)
+        assert polygon_contains(other, moved(point)) == polygon_contains(NOTCHED, point)
 
 
 @given(start=points, end=points)
 def test_who_goes_in_or_out_crosses_a_side(start, end):
     clear = min(distance_to_border(SQUARE, each) for each in (start, end)) > 1e-6
-    if clear and contains(SQUARE, start) != contains(SQUARE, end):
+    if clear and polygon_contains(SQUARE, start) != polygon_contains(SQUARE, end):
         assert crosses(SQUARE, start, end)

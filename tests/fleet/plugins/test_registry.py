@@ -79,13 +79,18 @@ def test_files_that_begin_with_an_underscore_are_not_loaded(folder):
             "command method go: far has no type; write it like far: Annotated",
         ),
         ("class Panic(BaseException): pass\nraise Panic('gone')", "Panic: gone ({file}:2)"),
+        (
+            body("x") + "    api = 2\n",
+            "version 2 of the adapter API, this fleet has version 1: upgrade fleet",
+        ),
+        (body("x") + "    api = 0\n", "this fleet has version 1: upgrade the adapter"),
         (body("x") + "    limits = 5\n", "xAdapter.limits must be Limits(...), not 5"),
         (
             body("x").replace("    link: str", "    link: str\n    limits: float = 1.0"),
             "Config.limits is a field of the host's own; give yours another name",
         ),
     ],
-    ids=range(13),
+    ids=range(15),
 )
 def test_a_file_that_cannot_be_used_is_a_report_with_the_place(folder, tmp_path, text, report):
     (plugin,) = folder(broken=text).plugins()

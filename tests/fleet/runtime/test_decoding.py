@@ -7,7 +7,7 @@ import pytest
 
 FROM_MANY_THREADS = """
 import sys, threading, msgspec
-from fleet.runtime.decoding import convert, decode_json
+from fleet.runtime.decoding import convert_strictly, decode_json
 
 class Inner(msgspec.Struct):
     a: int = 0
@@ -22,7 +22,7 @@ together = threading.Barrier(6)
 def decode():
     together.wait()
     decode_json(b'{"x": {"a": 1}, "y": [{"b": ["s"]}]}', Outer)
-    convert({"x": {"a": 1}, "y": []}, Outer)
+    convert_strictly({"x": {"a": 1}, "y": []}, Outer)
 for _ in range(6):
     threading.Thread(target=decode).start()
 """

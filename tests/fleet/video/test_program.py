@@ -14,7 +14,7 @@ TWIN = "6f0c9a1e-8d2b-4c57-9a39-2f4a1d0b7c11"
 STREAM = f"cw/{TWIN}/data/streams/front"
 
 
-class FakeLane:
+class FakeSession:
     """A lane of the bus in memory."""
 
     def __init__(self):
@@ -60,7 +60,7 @@ def camera(module_at, tmp_path):
 @pytest.fixture
 async def ask(camera):
     """Run the program on a lane in memory; returns what asks it and the lane."""
-    bus_session = FakeLane()
+    bus_session = FakeSession()
     program = _Program(Source("rex", TWIN, camera.source, "front", 10.0), bus_session, SystemClock())
     program.declare("ask")
 

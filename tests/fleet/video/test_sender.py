@@ -9,7 +9,7 @@ from aiortc.mediastreams import MediaStreamError
 from aiortc.sdp import candidate_to_sdp
 
 from fleet.clock import SystemClock
-from fleet.errors import CommandError, TimedOut, WireError
+from fleet.errors import CommandError, Refused, TimedOut, WireError
 from fleet.video import peer, sender, track
 from fleet.video.sender import VideoSender
 from fleet.video.signals import Candidate
@@ -182,6 +182,48 @@ async def test_a_camera_that_hangs_is_told_before_the_edge_gives_us_up(studio, m
     monkeypatch.setattr(studio.sender._camera, "picture", asyncio.Event().wait)
     with pytest.raises(TimedOut, match="gives no picture within"):
         await studio.sender.start(recording=True)
+
+
+@pytest.fixture
+def held_offer(monkeypatch):
+    """Hold offers back, as an ICE server that does not answer does; returns what lets them go."""
+    go, offer = asyncio.Event(), peer.VideoPeer.offer
+
+    async def held(self):
+        await go.wait()
+        return await offer(self)
+
+    monkeypatch.setattr(sender, "OFFER", 0.05)
+    monkeypatch.setattr(peer.VideoPeer, "offer", held)
+    return go
+
+
+async def test_a_start_is_answered_in_time_though_the_candidates_are_late(studio, held_offer):
+    await studio.sender.start(recording=True)
+    assert (studio.offers, studio.sender.told()["connection_state"]) == ([], "connecting")
+    held_offer.set()
+    await studio.offered.wait()
+    await frame_of(await studio.view())
+
+
+async def test_an_offer_of_a_stream_that_was_stopped_meanwhile_is_not_made(studio, held_offer):
+    await studio.sender.start(recording=True)
+    await studio.sender.stop()
+    held_offer.set()
+    await studio.sender.start(recording=True)
+    await studio.offered.wait()
+    assert len(studio.offers) == 1
+
+
+async def test_an_offer_that_cannot_be_made_ends_the_stream(studio, monkeypatch, caplog):
+    async def fails(_peer):
+        raise OSError("no network")
+
+    monkeypatch.setattr(peer.VideoPeer, "offer", fails)
+    with pytest.raises(Refused, match="no network"):
+        await studio.sender.start(recording=True)
+    await until(lambda: studio.sender.told() is None)
+    assert "no network" in caplog.text
 
 
 async def test_what_cannot_be_used_is_refused_and_the_offer_stands(studio):

@@ -23,8 +23,17 @@ from fleet.wire.joints import decode_joints
 from fleet.wire.missions import decode_mission
 from fleet.wire.navigation import decode_navigate
 from fleet.wire.ping import check_ping, is_clouds_pong
-from fleet.wire.rules import ENVIRONMENT, INWARD, RULES, Recipient, TopicForm
+from fleet.wire.rules import (
+    ENVIRONMENT,
+    INWARD,
+    RULES,
+    WORKFLOW_CANCEL,
+    WORKFLOW_RUN,
+    Recipient,
+    TopicForm,
+)
 from fleet.wire.topics import Topics, parse_data_key
+from fleet.wire.workflows import decode_workflow
 
 DEFAULTS = MotionDefaults(0.5, 0.5, 0.5, 0.5)
 CLOUD = {
@@ -36,6 +45,8 @@ CLOUD = {
     "edge_health": read_heartbeat,
     "ping:request": check_ping,
     "pong:response": is_clouds_pong,
+    WORKFLOW_RUN: decode_workflow,
+    WORKFLOW_CANCEL: decode_workflow,
 }
 """By taker, and by suffix of what the bridge takes itself."""
 

@@ -10,6 +10,7 @@ from fleet.wire.rulebook import (
     Changes,
     Channel,
     of_a_twin,
+    of_a_workflow,
     of_an_environment,
     of_any_run,
     rulebook,
@@ -106,5 +107,8 @@ def test_twins_environments_and_runs_have_each_their_own_part():
     twin, place, run = of_a_twin(book), of_an_environment(book), of_any_run(book)
     assert set(place.outward) == {"environment"}
     assert (set(place.inward), set(run.inward)) == ({ENVIRONMENT}, {"workflow-run:status"})
-    assert set(twin.inward) | set(place.inward) | set(run.inward) == set(book.inward)
-    assert not set(twin.inward) & (set(place.inward) | set(run.inward))
+    workflow = of_a_workflow(book)
+    assert set(workflow.inward) == {"workflow:run", "workflow:cancel"}
+    others = set(place.inward) | set(run.inward) | set(workflow.inward)
+    assert set(twin.inward) | others == set(book.inward)
+    assert not set(twin.inward) & others

@@ -56,6 +56,8 @@ CONTRACT_OUT = [
     "model_health",
     "ping:request",
     "pong:response",
+    "workflow:execution/started",
+    "workflow:execution/+/finished",
 ]
 CONTRACT_IN = [
     "command",
@@ -70,6 +72,8 @@ CONTRACT_IN = [
     "commands/sync_workflows",
     "ping:request",
     "pong:response",
+    "workflow:run",
+    "workflow:cancel",
     "workflow-run:status",
     "edge_health",
     "position",
@@ -128,6 +132,11 @@ def test_any_requesters_inbox_carries_replies():
 
 def test_any_update_of_an_environment_has_the_rule_of_environments():
     assert rule_of("environment:twin_added") is RULES[ENVIRONMENT]
+
+
+def test_the_end_of_any_execution_of_a_workflow_has_its_rule():
+    rule = rule_of("workflow:execution/6f0c9a1e/finished")
+    assert (rule.traffic, rule.qos) == (TrafficClass.STATUS, 1)
 
 
 def test_replies_go_before_status_before_events_before_state_before_streams():

@@ -13,8 +13,7 @@ import canopen
 from canopen.objectdictionary import ObjectDictionary
 from canopen.sdo.exceptions import SdoAbortedError, SdoCommunicationError
 
-from fleet.errors import LinkLost, LinkRefused
-from fleet.link.canbus.frame import CanBus, CanFrame
+from fleet import CanBus, CanFrame, LinkLost, LinkRefused
 from fleet_quadruped.drives.cia402.setup import (
     CYCLIC_POSITION,
     DEVICE_TYPE,

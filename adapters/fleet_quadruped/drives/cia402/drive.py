@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from operator import attrgetter
 
-from fleet.link.canbus.frame import CanBus, CanFrame
+from fleet import CanBus, CanFrame
 from fleet_quadruped.body.measured import Targets
 from fleet_quadruped.can.bus_guard import Address
 from fleet_quadruped.drives.answers import Answers

@@ -9,8 +9,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from operator import attrgetter
 
-from fleet.errors import LinkRefused
-from fleet.link.canbus.frame import CanBus, CanFrame
+from fleet import CanBus, CanFrame, LinkRefused
 from fleet_quadruped.body.measured import Targets
 from fleet_quadruped.can.bus_guard import Address
 from fleet_quadruped.drives.answers import Answers

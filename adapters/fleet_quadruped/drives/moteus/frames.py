@@ -12,7 +12,7 @@ from collections.abc import Iterator, Mapping
 from types import MappingProxyType
 from typing import NamedTuple
 
-from fleet.link.canbus.frame import STANDARD_ID
+from fleet import STANDARD_ID
 
 TURN = math.tau
 MOST_TURNS = 10_000.0  # beyond them a float32 cannot tell a milliradian

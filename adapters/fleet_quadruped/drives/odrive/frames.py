@@ -12,7 +12,7 @@ from collections.abc import Mapping
 from types import MappingProxyType
 from typing import NamedTuple
 
-from fleet.link.canbus.frame import CanFrame
+from fleet import CanFrame
 
 HIGHEST_NODE = 0x3E  # 3Fh is the address of drives that have none yet
 OLDEST = (0, 6)  # firmware; older ones have other errors, no temperature and no parameters over CAN

@@ -4,7 +4,7 @@ import pytest
 
 from fleet.clock import SystemClock
 from fleet.errors import LinkLost
-from fleet.link.canbus.bus import Bus
+from fleet.link.canbus.bus import OpenCanBus
 from fleet.link.canbus.frame import CanFrame
 from fleet.testing.clock import ManualClock
 from fleet_quadruped.any_description import load_body
@@ -83,7 +83,7 @@ def test_what_the_drives_themselves_say_is_no_other_controller(any_dog):
 
 def test_two_programs_on_one_bus_hear_each_other():
     clock = SystemClock()
-    one, other = (Bus("a", "can:virtual:alone", 1_000_000, clock) for _ in range(2))
+    one, other = (OpenCanBus("a", "can:virtual:alone", 1_000_000, clock) for _ in range(2))
     try:
         one.send(CanFrame(0x201, bytes(8)))
         with pytest.raises(LinkLost, match=OTHER):

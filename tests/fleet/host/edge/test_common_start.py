@@ -34,8 +34,8 @@ class Asker:
         return msgspec.json.decode(answer, type=Started)
 
     def run(self):
-        ((_, answer),) = self._bus_session.ask(keys.run(self._place.id, "3f2a"), b"", timeout=20)
-        return msgspec.json.decode(answer, type=RunState)
+        found = list(self._bus_session.ask(keys.run(self._place.id, "3f2a"), b"", timeout=20))
+        return msgspec.json.decode(found[0][1], type=RunState) if found else None
 
 
 @pytest.fixture
@@ -69,7 +69,7 @@ async def phase(asks, asker, phase):
 
     async def look():
         state = await asyncio.to_thread(asker.run)
-        return state if state.phase == phase else None
+        return state if state is not None and state.phase == phase else None
 
     for _ in range(400):
         state = await look()

@@ -167,7 +167,7 @@ async def test_a_mission_of_two_robots_starts_by_itself_with_the_authority_of_fl
 async def test_a_schedule_that_is_started_by_hand_starts_the_mission(ready, fleet):
     async with ready(PATROL, dawn=DAWN) as (place, edge):
         code, out, err = await fleet("schedule", "run", "dawn")
-        assert (code, err) == (0, "")
+        assert code == 0, err
         run = out.split()[-1]
         await asyncio.to_thread(wait_until, "the run has ended", lambda: run in runs_of(edge))
         assert place.words().count("walk") == 3

@@ -17,7 +17,7 @@ from hypothesis import strategies as st
 
 from fleet.history.store import HISTORY, History
 from fleet.host.journal.execution_journal import SIZE, ExecutionJournal, Latched, Started
-from fleet.host.journal.journal import LOST, REMEMBERED, CommandEnd, Journal, PastCommand
+from fleet.host.journal.journal import LOST, REMEMBERED, CommandEnd, Journal
 from fleet.model.command import ReplyStatus
 from fleet.model.report import NavigationReport
 from fleet.spool.state_folder import JOURNAL, locked
@@ -50,7 +50,7 @@ def opened(tmp_path, clock):
 
 @pytest.fixture
 def restarted(opened, make_bench):
-    """Return a desk of a new process."""
+    """Return the controller of a robot in a new process."""
 
     def restarted():
         return make_bench(journal=opened().robot("rex"))
@@ -544,10 +544,6 @@ def test_two_processes_write_one_journal(tmp_path, clock):
     third = Journal(tmp_path, clock, tmp_path / "begun.main")
     assert (len(third.robot("rex").past), len(third.robot("max").past)) == (50, 50)
     third.close()
-
-
-def test_the_answer_to_a_repeat_says_how_it_ended():
-    assert "ended failed" in PastCommand("r1", "land", False, "failed").verdict
 
 
 def test_a_stop_is_on_the_disk_though_another_process_holds_the_history(tmp_path, clock):

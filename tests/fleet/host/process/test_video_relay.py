@@ -11,9 +11,11 @@ from fleet.host.process.video_relay import ANSWER_WITHIN, VideoRelay
 from fleet.host.requests.receipt import Receipt
 from fleet.model.command import Command, Reply, ReplyStatus
 from fleet.testing.clock import ManualClock
+from fleet.testing.waiting import wait_until
+from fleet.wire.samples import json_payload
 
 
-class FakeLane:
+class FakeSession:
     """A lane whose programs answer when the test says so."""
 
     def ask_later(self, key, payload, *, timeout, on_answer, on_end):
@@ -23,14 +25,15 @@ class FakeLane:
 
 @pytest.fixture
 def bus_session():
-    return FakeLane()
+    return FakeSession()
 
 
 @pytest.fixture
 async def ask(bus_session, asks):
     """Ask a relay; returns the replies, the clock, and what has the loop catch up."""
     clock, replies = ManualClock(), []
-    relay = VideoRelay("rex", "fleet/yard-1/robots/rex/video", bus_session, asyncio.get_running_loop(), clock)
+    loop, key = asyncio.get_running_loop(), "fleet/yard-1/robots/rex/video"
+    relay = VideoRelay("rex", key, bus_session, loop, clock, tell=lambda _reply: None)
     relay.take(Command("start_video", {"recording": False}), Receipt("start_video", replies.append))
     return replies, clock, asks.settle
 
@@ -130,7 +133,7 @@ def command(bus_session, yard, name):
 async def test_a_program_on_the_bus_is_reached_from_the_edge_and_from_a_worker(yard, run_edge, asks, worker):
     place = yard(rex={"worker": worker})
     edge = place.edge()
-    heard = []
+    heard, statuses = [], []
 
     def answer(question):
         heard.append(json.loads(question.payload)["command"])
@@ -140,11 +143,20 @@ async def test_a_program_on_the_bus_is_reached_from_the_edge_and_from_a_worker(y
     async with run_edge(edge):
         await asks.until(lambda: all(state.health == "ok" for state in edge.states()))
         bus_session = await asyncio.to_thread(place.bus_session)
+        for name in ("start_video", "stop_video"):
+            key = f"cw/{edge.robots()[0].twin}/data/{name}_status"
+            bus_session.subscribe(key, lambda _key, sample: statuses.append(json.loads(json_payload(sample))))
         (nobody,) = await asyncio.to_thread(command, bus_session, place, "start_video")
         assert (nobody.ok, nobody.hint) == (False, "start one on the robot's computer: fleet video rex")
         edge.bus.control.answer(keys.video(place.id, "rex"), answer)
         for name in ("start_video", "stop_video"):
             (reply,) = await asyncio.to_thread(command, bus_session, place, name)
             assert reply.ok
+        await asyncio.to_thread(wait_until, "the statuses", lambda: len(statuses) == 3)
         await asyncio.to_thread(bus_session.close)
     assert heard == ["start_video", "stop_video"]
+    assert [(status["type"], status["status"]) for status in statuses] == [
+        ("video_started", "error"),
+        ("video_started", "ok"),
+        ("video_stopped", "ok"),
+    ]

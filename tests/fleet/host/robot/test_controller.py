@@ -5,7 +5,8 @@ import msgspec
 import pytest
 
 from fleet.errors import LinkLost, NotReady
-from fleet.host.journal.journal import PastCommand, RobotJournal
+from fleet.host.journal.journal import RobotJournal
+from fleet.host.journal.past_commands import PastCommand
 from fleet.model.command import ReplyStatus
 from fleet.model.geometry import ZERO_VELOCITY
 from fleet.model.navigation import Control, Navigate

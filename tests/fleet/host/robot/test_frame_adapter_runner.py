@@ -10,7 +10,7 @@ from typing import Literal
 
 import pytest
 
-from fleet.adapter import AdapterConfig, FrameAdapter, Send
+from fleet.adapter import AdapterConfig, FrameAdapter, Send, Until
 from fleet.commands import command
 from fleet.errors import Fault, LinkLost, LinkRefused, NotReady, Refused
 from fleet.host.robot.adapter_factory import capabilities, create_adapter, start_command
@@ -389,3 +389,85 @@ async def test_a_command_decided_before_a_halt_is_not_written_after_it(running):
     with pytest.raises(NotReady, match="stopped meanwhile"):
         await running.perform("dock", bay=1)
     assert running.heard() == [b"STOP\n"]
+
+
+# -- what was seen ------------------------------------------------------------------------------------
+
+
+class Gripper(Cart):
+    """A cart with a gripper that says where it is, and how it feels."""
+
+    position = ""
+
+    @command("grip")
+    def grip(self, *, hard: bool = False):
+        """Close the gripper, then hold it."""
+        yield b"CLOSE\n"
+        yield Until(lambda: self.position == "closed")
+        yield b"HOLD\n"
+        yield Until(lambda: {"held": True, "closed": False}[self.position])
+
+    def decode(self, frame, stamp):
+        if frame.startswith(b"AT "):
+            self.position = frame[3:].decode()
+        elif frame == b"HOT":
+            yield Health(Level.FAULT, "its motor is too hot: let it cool")
+        elif frame == b"COOL":
+            yield Health()
+
+
+@pytest.fixture
+async def gripper(request):
+    async with run(Gripper, request.node.name) as cart:
+        yield cart
+
+
+async def says(cart, *frames):
+    for frame in frames:
+        cart.machine.say(frame + b"\n")
+    await asyncio.sleep(0)
+    await asyncio.sleep(0)
+
+
+async def test_a_command_is_done_when_the_robot_was_seen_to_have_done_it(gripper):
+    gripping = asyncio.ensure_future(gripper.perform("grip"))
+    await says(gripper, b"AT open")
+    assert gripper.heard() == [b"CLOSE\n"]
+    await says(gripper, b"AT closed")
+    assert gripper.heard() == [b"HOLD\n"]
+    assert not gripping.done()
+    await says(gripper, b"AT held")
+    await asyncio.wait_for(gripping, 20)
+
+
+async def test_what_was_seen_before_is_not_waited_for(gripper):
+    await says(gripper, b"AT closed")
+    gripping = asyncio.ensure_future(gripper.perform("grip"))
+    await says(gripper)
+    assert gripper.heard() == [b"CLOSE\n", b"HOLD\n"]
+    gripping.cancel()
+
+
+async def test_a_halt_while_a_command_waits_lets_none_of_its_frames_follow(gripper):
+    gripping = asyncio.ensure_future(gripper.perform("grip"))
+    await says(gripper, b"AT open")
+    gripper.adapter.halt()
+    await says(gripper, b"AT closed")
+    with pytest.raises(NotReady, match="stopped meanwhile"):
+        await gripping
+    assert gripper.heard() == [b"CLOSE\n", b"STOP\n"]
+
+
+async def test_an_until_that_raises_fails_its_command_and_nothing_else(gripper):
+    gripping = asyncio.ensure_future(gripper.perform("grip"))
+    await says(gripper, b"AT closed", b"AT lost")
+    with pytest.raises(KeyError):
+        await gripping
+    assert not gripper.run.done()
+
+
+async def test_a_health_that_the_robot_says_counts_until_the_next(gripper):
+    await says(gripper, b"HOT", b"AT open")
+    assert gripper.robot.healths[-1] == Health(Level.FAULT, "its motor is too hot: let it cool")
+    await says(gripper, b"COOL")
+    assert gripper.robot.healths[-1] == Health()

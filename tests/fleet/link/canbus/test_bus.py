@@ -10,7 +10,7 @@ import can
 import pytest
 
 from fleet.errors import LinkLost, LinkRefused
-from fleet.link.canbus.bus import Bus, parse_bus
+from fleet.link.canbus.bus import OpenCanBus, parse_bus
 from fleet.link.canbus.frame import CanFrame
 from fleet.testing.clock import ManualClock
 
@@ -24,7 +24,7 @@ def clock():
 def pair(clock, request):
     """Return two ends of a virtual bus."""
     url = f"can:virtual:{request.node.name}"
-    ends = [Bus(name, url, 1_000_000, clock) for name in "ab"]
+    ends = [OpenCanBus(name, url, 1_000_000, clock) for name in "ab"]
     yield ends
     for end in ends:
         end.close()
@@ -112,7 +112,7 @@ def test_a_multicast_bus_has_its_port():
 def test_frames_cross_a_serial_adapter_in_its_own_words(clock):
     adapter, device = pty.openpty()
     tty.setraw(device)
-    bus = Bus("a", f"can:slcan:{os.ttyname(device)}", 1_000_000, clock)
+    bus = OpenCanBus("a", f"can:slcan:{os.ttyname(device)}", 1_000_000, clock)
     try:
         setup = b""
         while not setup.endswith(b"O\r"):
@@ -139,7 +139,7 @@ def listen(bus):
 
 def test_a_serial_adapter_that_is_pulled_out_is_a_lost_bus(clock):
     adapter, device = pty.openpty()
-    bus = Bus("a", f"can:slcan:{os.ttyname(device)}", 1_000_000, clock)
+    bus = OpenCanBus("a", f"can:slcan:{os.ttyname(device)}", 1_000_000, clock)
     os.close(device)
     os.close(adapter)
     with pytest.raises(LinkLost, match="bus 'a'"):
@@ -150,9 +150,9 @@ def test_a_serial_adapter_that_is_pulled_out_is_a_lost_bus(clock):
 def test_without_the_kernels_can_the_bus_is_refused_and_with_it_frames_cross(clock):
     if not Path("/sys/class/net/vcan0").exists():
         with pytest.raises((LinkLost, LinkRefused), match="can:socketcan:vcan0"):
-            Bus("a", "can:socketcan:vcan0", 1_000_000, clock)
+            OpenCanBus("a", "can:socketcan:vcan0", 1_000_000, clock)
         return
-    one, other = (Bus(name, "can:socketcan:vcan0", 1_000_000, clock) for name in "ab")
+    one, other = (OpenCanBus(name, "can:socketcan:vcan0", 1_000_000, clock) for name in "ab")
     one.send(CanFrame(0x181, b"\x01"))
     assert other.receive(5.0) == [CanFrame(0x181, b"\x01")]
     one.close()
@@ -192,7 +192,7 @@ def test_a_daemon_that_does_not_answer_is_a_lost_link(clock):
         held.bind(("127.0.0.1", 0))  # and does not listen
         url = f"can:socketcand:can0?host=127.0.0.1&port={held.getsockname()[1]}"
         with pytest.raises(LinkLost, match="Connection refused"):
-            Bus("a", url, 500_000, clock)
+            OpenCanBus("a", url, 500_000, clock)
 
 
 @pytest.mark.parametrize(
@@ -201,9 +201,9 @@ def test_a_daemon_that_does_not_answer_is_a_lost_link(clock):
 def test_whatever_python_can_raises_becomes_words(clock, interface):
     url = f"can:{interface}:0" + "?host=127.0.0.1&port=9" * (interface == "socketcand")
     with pytest.raises((LinkLost, LinkRefused), match=re.escape(url) + ": .+"):
-        Bus("a", url, 500_000, clock)
+        OpenCanBus("a", url, 500_000, clock)
 
 
 def test_a_driver_that_is_not_installed_is_said_so(clock):
     with pytest.raises(LinkRefused, match=r"can:kvaser:0: the driver for kvaser is not installed on this"):
-        Bus("a", "can:kvaser:0", 500_000, clock)
+        OpenCanBus("a", "can:kvaser:0", 500_000, clock)

@@ -12,7 +12,7 @@ from fleet.adapter import FrameAdapter
 from fleet.host.robot.frame_adapter_runner import FrameAdapterRunner
 from fleet.link.canbus import link as can_link
 from fleet.link.framing import DatagramFraming
-from fleet.link.url import open_link, parse
+from fleet.link.url import open_link, parse_link_url
 from fleet.model.geometry import Vector3, Velocity
 from fleet.robot_config import AdapterConfig
 from fleet.testing.robot import RecordingRobot, serve
@@ -158,7 +158,7 @@ async def test_a_flood_is_bounded_and_the_newest_are_kept(url, other, hearing, m
 )
 def test_a_wrong_bus_is_refused_with_how_it_is_written(url, told):
     with pytest.raises(LinkRefused) as caught:
-        parse(url)
+        parse_link_url(url)
     assert told in str(caught.value)
 
 

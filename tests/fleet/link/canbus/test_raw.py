@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from fleet.errors import LinkLost
 from fleet.link.canbus import bus as buses
 from fleet.link.canbus import raw
-from fleet.link.canbus.bus import Bus
+from fleet.link.canbus.bus import OpenCanBus
 from fleet.link.canbus.frame import CanFrame
 from fleet.testing.clock import ManualClock
 
@@ -23,7 +23,7 @@ def wire(monkeypatch):
     """Return a Bus on one end of a pair of sockets, and the other end."""
     ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_DGRAM)
     monkeypatch.setattr(buses, "_socket_of", lambda _: ours)
-    bus = Bus("a", "can:virtual:raw", 1_000_000, ManualClock())
+    bus = OpenCanBus("a", "can:virtual:raw", 1_000_000, ManualClock())
     yield bus, theirs
     bus.close()
     ours.close()
@@ -51,7 +51,7 @@ def test_an_extended_frame_with_the_number_of_a_drive_is_not_the_drives(wire):
 
 
 def test_nor_is_it_by_python_cans_own_way():
-    ours = Bus("a", "can:virtual:foreign", 1_000_000, ManualClock())
+    ours = OpenCanBus("a", "can:virtual:foreign", 1_000_000, ManualClock())
     with can.Bus(interface="virtual", channel="foreign") as other:
         other.send(can.Message(arbitration_id=0x181, data=bytes(8), is_extended_id=True))
         other.send(can.Message(arbitration_id=0x182, is_extended_id=False))

@@ -1,0 +1,69 @@
+"""The simulated vehicle of a rehearsal: the same one as behind ``sim:`` links, in simulated time."""
+
+from __future__ import annotations
+
+import math
+
+from fleet import Refused, Simulation, SimulationStart
+from fleet_mavlink.ardupilot import ArduCopter
+from fleet_mavlink.config import MavlinkConfig
+from fleet_mavlink.px4 import Px4
+from fleet_mavlink.sim.spec import QUICK_READY, SimSpec
+from fleet_mavlink.sim.vehicle import Flavour, SimVehicle
+from fleet_mavlink.sim.wire import Wire
+
+_PX4_MODES = frozenset(Px4.modes.values()) - frozenset(ArduCopter.modes.values())
+_NAMES = {"ardupilot": "ArduPilot", "px4": "PX4"}
+
+
+def simulated_vehicle(config: MavlinkConfig, start: SimulationStart) -> Simulation:
+    """Return a vehicle that stands where the robot is; a real one is taken for a multirotor.
+
+    Its mode's name tells whether that is on PX4 or ArduPilot. Raises Refused while its motors run, and while
+    nobody knows where it is.
+    """
+    if start.armed:
+        raise Refused(
+            f"{config.name}: its motors run, and a rehearsal begins with aircraft on the ground",
+            hint="land it first",
+        )
+    if start.point is None:
+        raise Refused(
+            f"{config.name}: nobody knows where on Earth it is",
+            hint="say site: {origin: [latitude, longitude, altitude]} in fleet.yaml",
+        )
+    spec = _spec(config, start)
+    heading = 90.0 - math.degrees(start.heading or 0.0)
+    vehicle = SimVehicle(
+        spec.flavour,
+        vehicle=spec.vehicle,
+        system_id=spec.system_id,
+        home=(start.point.latitude, start.point.longitude, start.point.altitude or 0.0, heading),
+        ready_after=QUICK_READY,  # the robot itself has started already
+        faults=spec.faults,
+        seed=spec.seed,
+        epoch=start.epoch,
+    )
+    if start.battery is not None:
+        vehicle.set_fault("low_battery", start.battery)
+    wire = Wire(vehicle, spec.accessories)
+    changes = {
+        "link": f"memory:{config.name}",
+        "backup_links": (),
+        "signing_key": None,
+        "failsafes": "set",
+    }
+    return Simulation(
+        what=f"simulated {_NAMES[spec.flavour]} {spec.vehicle}",
+        config=config.model_copy(update=changes),
+        receive=lambda data, now: b"".join(wire.receive(data, now)),
+        step=lambda now: b"".join(wire.step(now)),
+    )
+
+
+def _spec(config: MavlinkConfig, start: SimulationStart) -> SimSpec:
+    """Return what is simulated: what the link says, for a real vehicle one of its kind."""
+    if config.simulated:
+        return SimSpec.parse(config.link, system_id=config.system_id)
+    flavour: Flavour = "px4" if start.mode in _PX4_MODES else "ardupilot"
+    return SimSpec(flavour, system_id=config.system_id, seed=start.seed)

@@ -1,0 +1,90 @@
+"""``fleet console``: the fleet in a browser."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import os
+
+import click
+
+from fleet.bus.settings import runtime_dir
+from fleet.cli.edges import settings_of
+from fleet.cli.local_user import local_user
+from fleet.cli.options import reach_option
+from fleet.cli.output import ExitCode, NotRunning, Output, with_output
+from fleet.clock import SystemClock
+from fleet.console.child import EXTRA, ConsoleChild, is_installed
+from fleet.console.links import LinkAsked, all_links
+from fleet.console.sessions import Permission
+from fleet.console.task import PORT, ConsoleTask
+from fleet.host.runtime.termination_signals import end_by_signal
+from fleet.runtime.event_loop import run
+
+
+@click.command()
+@click.option(
+    "--port",
+    type=click.IntRange(0, 65535),
+    default=None,
+    help=f"On 127.0.0.1; left out {PORT}, or any that is free.",
+)
+@click.option("--link", "link_only", is_flag=True, help="Print a new link to each console that runs.")
+@click.option(
+    "--permission",
+    type=click.Choice([each.word for each in Permission]),
+    default=Permission.ADMIN.word,
+    show_default=True,
+    help="What the link lets its user do; everybody may stop robots.",
+)
+@reach_option
+@with_output
+def console(out: Output, *, port: int | None, link_only: bool, permission: str, file: str | None) -> ExitCode:
+    """Show the fleet in a browser: a map, what each robot does, and a stop for all of them.
+
+    Serves a page on this computer alone until Ctrl-C, and prints a link to it. A link is good once, for ten
+    minutes; --link prints another. It shows every edge that runs on this computer, now or later, or the one
+    of the file.
+    """
+    asked = LinkAsked(local_user(), Permission[permission.upper()])
+    if link_only:
+        return _links(out, asked)
+    if not is_installed():
+        raise click.ClickException(EXTRA)
+    edges = (settings_of(file),) if file else ()
+    wanted = PORT if port is None else port
+    task = ConsoleTask(str(os.getpid()), wanted, any_port=port is None, edges=edges, only=bool(edges))
+    return run(_serve(out, task, asked))
+
+
+def _links(out: Output, asked: LinkAsked) -> ExitCode:
+    """Print a new link of each console that runs."""
+    links = all_links(runtime_dir(), asked)
+    if not links:
+        raise NotRunning("no console is running here; start one with: fleet console")
+    out.data({"links": links})
+    for name, link in links.items():
+        out.say(link if len(links) == 1 else f"{name}: {link}")
+    return ExitCode.OK
+
+
+async def _serve(out: Output, task: ConsoleTask, asked: LinkAsked) -> ExitCode:
+    """Serve until a signal, or until the console ends by itself."""
+    ended = asyncio.Event()
+    end_by_signal(ended.set)
+
+    def served(link: str) -> None:
+        out.data({"link": link})
+        out.say(link)
+        out.note("good once, for ten minutes; another: fleet console --link; Ctrl-C ends the console")
+
+    child = ConsoleChild(task, runtime_dir(), SystemClock(), asked=asked, served=served)
+    running = asyncio.create_task(child.run(again=False), name="console")
+    ending = asyncio.create_task(ended.wait(), name="ended")
+    await asyncio.wait({running, ending}, return_when=asyncio.FIRST_COMPLETED)
+    code = ExitCode.OK if ended.is_set() else ExitCode.RUNTIME_ERROR
+    for task_ in (running, ending):
+        task_.cancel()
+        with contextlib.suppress(asyncio.CancelledError):
+            await task_
+    return code

@@ -1,0 +1,110 @@
+"""A rehearsal on the command line: followed while it goes, then shown as a page."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+
+import msgspec
+
+from fleet.bus import keys
+from fleet.cli.edges import Edges
+from fleet.cli.output import ExitCode, Output
+from fleet.cli.runs import EXITS
+from fleet.errors import Refused
+from fleet.missions.rehearsal import RehearsalAsk, RehearsalNote, RehearsalResult, RehearsalState
+from fleet.missions.report import StartAsk
+from fleet.missions.words import told_line
+
+LOOK = 0.3  # s
+QUIET = 2.0  # s without news after which it is told how far it is
+
+
+def follow_rehearsal(  # noqa: PLR0917 - all of one call
+    out: Output, edges: Edges, edge: str, name: str, ask: StartAsk, again: str
+) -> ExitCode:
+    """Rehearse a mission, follow that to its end and show it; ``again`` is the command that starts it.
+
+    Raises Refused when there can be none, TimedOut when the edge does not answer. Ctrl-C ends it.
+    """
+    key = keys.mission(edge, name)
+    begun = edges.one(key, RehearsalState, ask, {"do": "rehearse"})
+    if begun.refusal:
+        raise Refused(begun.refusal)
+    for role, robots in begun.roles.items():
+        out.note(f"{role}: {', '.join(robots)}")
+    result = _followed(out, edges, key, begun)
+    out.data({"passed": result.passed, **msgspec.to_builtins(result)})
+    for line in page(result, again):
+        out.say(line)
+    if result.passed:
+        return ExitCode.OK
+    code = EXITS.get(result.outcome, ExitCode.ENDED)
+    return ExitCode.ENDED if code is ExitCode.OK else code
+
+
+def _followed(out: Output, edges: Edges, key: str, begun: RehearsalState) -> RehearsalResult:
+    """Tell what happens until there is a result; raises Refused when there is none."""
+    known, told = 0, time.monotonic()
+    while True:
+        state = edges.one(key, RehearsalState, RehearsalAsk(begun.id, known), {"do": "rehearsal"})
+        known += len(state.notes)
+        for note in state.notes:
+            out.note(note_line(note))
+        if state.notes:
+            told = time.monotonic()
+        elif time.monotonic() - told >= QUIET:
+            told = time.monotonic()
+            where = f"step {state.step}" if state.step else "the simulated robots start"
+            out.note(f"{state.seconds:8.1f} s  {where}")
+        if state.result is not None:
+            return state.result
+        if state.failure or state.refusal:
+            raise Refused(f"it cannot be rehearsed: {state.failure or state.refusal}")
+        time.sleep(LOOK)
+
+
+def note_line(note: RehearsalNote) -> str:
+    """Return a line of the story: when (simulated seconds), where and what."""
+    return f"{note.at:8.1f} s  {told_line(note.text, note.robot, note.step)}"
+
+
+def page(result: RehearsalResult, again: str) -> Iterator[str]:
+    """Yield the lines of a rehearsal's page."""
+    word = "passed" if result.passed else "not passed"
+    yield f"rehearsal of {result.mission}: {word} ({result.outcome})"
+    yield f"{result.seconds:g} s simulated in {result.took:g} s, seed {result.seed}"
+    yield from _troubles(result)
+    yield from ("", "robots")
+    for each in result.robots:
+        words = [f"{each.role}: {each.outcome or 'not through'}"] if each.role else []
+        if each.battery_before is not None and each.battery_left is not None:
+            words.append(f"battery {each.battery_before:.0f} % to {each.battery_left:.0f} %")
+        yield f"  {each.robot}  {', '.join([*words, each.played_by])}"
+    yield from ("", "timeline, simulated seconds")
+    for part in result.timeline:
+        ended = "       " if part.ended is None else f"{part.ended:7.1f}"
+        how = f"{part.outcome or 'under way'}{f': {part.reason}' if part.reason else ''}"
+        yield f"  {part.began:7.1f} {ended}  {part.step}  {part.robot} {part.does}: {how}"
+    yield from _approaches(result)
+    if result.assumed:
+        yield from ("", "taken for granted", *(f"  {each}" for each in result.assumed))
+    if result.passed:
+        until = time.strftime("%H:%M", time.localtime(result.pass_until))
+        yield from ("", f"start it: {again}" + (f"  (counts until {until})" if result.pass_until else ""))
+
+
+def _troubles(result: RehearsalResult) -> Iterator[str]:
+    """Yield what failed."""
+    if result.troubles:
+        yield from ("", "what failed", *(f"  {each}" for each in result.troubles))
+
+
+def _approaches(result: RehearsalResult) -> Iterator[str]:
+    """Yield how near robots came to each other."""
+    yield from ("", "closest approach")
+    for each in result.approaches:
+        kept = f"{each.kept:g} m are kept"
+        yield f"  {each.metres:6.2f} m  {' and '.join(each.robots)}, after {each.at:g} s; {kept}"
+    if not result.approaches:
+        yield "  nobody knows: no two robots are placed in the site's frame, or none moved"

@@ -1,0 +1,130 @@
+"""Commands from the console: the messages that any local program sends, with the operator's name.
+
+They walk the one admission path of the edge. Nothing is judged here but what only the page knows.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import json
+from collections.abc import AsyncIterator, Iterable, Mapping
+from functools import partial
+
+import msgspec
+
+from fleet.bus import keys
+from fleet.bus.zenoh_session import ZenohSession
+from fleet.clock import Clock
+from fleet.console.fleet_view import FleetView, id_of
+from fleet.console.requests import CommandAsked, GotoAsked, ReleaseAsked
+from fleet.errors import CommandError, FleetError, Refused
+from fleet.history.event_filter import MOST, EventFilter, newest
+from fleet.history.record import Record
+from fleet.history.stop_causes import stop_causes
+from fleet.host.safety.emergency_stop import RELEASE
+from fleet.model.command import Reply, ReplyStatus
+from fleet.model.state import RobotState
+from fleet.runtime.decoding import decode_json
+from fleet.wire.goals import GotoTarget, goals
+from fleet.wire.rules import Kind
+
+END_WITHIN = 300.0  # s for a command to be seen carried out
+HISTORY_WITHIN = 5.0  # s for what an edge reads from its disk
+
+Prepared = tuple[RobotState, Kind, Mapping[str, object]]
+"""Whom to ask, as which kind of message, and the message."""
+
+
+def prepare(asked: GotoAsked | CommandAsked | ReleaseAsked, view: FleetView) -> list[Prepared]:
+    """Return the messages for each robot; raises Refused for robots nobody knows, and for a goal no good."""
+    names = (asked.robot,) if isinstance(asked, CommandAsked) else asked.robots
+    robots = view.named(names)
+    if not names or len(robots) != len(set(names)):
+        missing = ", ".join(name for name in names if name not in view.states)
+        raise Refused(f"there is no robot {missing}" if missing else "no robot is named")
+    if isinstance(asked, CommandAsked):
+        return [(robots[0], "command", {"command": asked.command, "data": asked.data})]
+    if isinstance(asked, ReleaseAsked):
+        return [(robot, "command", {"command": RELEASE, "data": {}}) for robot in robots]
+    return [
+        (robot, "navigate", message) for robot, message in zip(robots, _goals(asked, robots), strict=True)
+    ]
+
+
+def _goals(asked: GotoAsked, robots: list[RobotState]) -> list[dict[str, object]]:
+    """Return the goal of each robot; without a height each keeps its own. Raises Refused."""
+    made = goals(GotoTarget(asked.x, asked.y, asked.z, "site", spacing=asked.spacing), robots)
+    for robot, message in zip(robots, made, strict=True):
+        place = message["position"]
+        if asked.z is None and robot.position is not None and isinstance(place, list):
+            message["position"] = [*place[:2], robot.position.z]
+    return made
+
+
+def _hand_over(
+    loop: asyncio.AbstractEventLoop, replies: asyncio.Queue[bytes | None], data: bytes | None
+) -> None:
+    """Pass an answer, or None for the end of them, to the loop; on the bus's thread."""
+    with contextlib.suppress(RuntimeError):  # the loop has ended
+        loop.call_soon_threadsafe(replies.put_nowait, data)
+
+
+async def send(prepared: Prepared, lane: ZenohSession, operator: str, clock: Clock) -> AsyncIterator[Reply]:
+    """Ask a robot; yield its receipt and its end, or one reply that says that there was none."""
+    robot, kind, message = prepared
+    name = str(message["command"])
+    try:
+        payload = json.dumps(
+            {**message, "session_id": operator, "timestamp": clock.time()}, allow_nan=False
+        ).encode()
+    except ValueError:
+        yield Reply(name, ReplyStatus.REJECTED, "a number in the command is not finite")
+        return
+    loop = asyncio.get_running_loop()
+    replies: asyncio.Queue[bytes | None] = asyncio.Queue()
+    lane.ask_later(
+        keys.command(robot.edge, robot.name),
+        payload,
+        timeout=END_WITHIN,
+        parameters={"kind": kind, "wait": "1"},
+        on_answer=partial(_hand_over, loop, replies),
+        on_end=partial(_hand_over, loop, replies, None),
+    )
+    heard = False
+    while (data := await replies.get()) is not None:
+        try:
+            reply = decode_json(data, Reply)
+        except msgspec.DecodeError as error:
+            reply = Reply(name, ReplyStatus.TIMEOUT, f"its answer cannot be read: {error}")
+        heard = True
+        yield reply
+    if not heard:
+        yield Reply(name, ReplyStatus.TIMEOUT, robot.cause or "its process does not answer")
+
+
+def causes(lanes: Iterable[ZenohSession], robots: list[RobotState]) -> dict[str, dict[str, object]]:
+    """Return who set the stop of each robot, when and why, by identity; blocks."""
+    asked = msgspec.json.encode(EventFilter(tuple({robot.name for robot in robots}), 0.0, MOST))
+    found: list[Record] = []
+    for lane in lanes:
+        for key, data in lane.ask(keys.history("*"), asked, timeout=HISTORY_WITHIN):
+            edge = key.split("/")[1]
+            found += [msgspec.structs.replace(each, edge=edge) for each in decode_json(data, list[Record])]
+    ordered = newest(found, EventFilter(most=MOST))
+    return {
+        id_of(edge, name): {
+            "by": record.asker.name if record.asker else "",
+            "proven": bool(record.asker and record.asker.proven),
+            "at": record.stamp,
+            "why": str(record.data.get("reason") or record.text),
+        }
+        for (edge, name), record in stop_causes(ordered).items()
+    }
+
+
+def refused(error: FleetError) -> dict[str, object]:
+    """Return an error as a page shows it."""
+    reason = error.reason if isinstance(error, CommandError) else str(error)
+    hint = error.hint if isinstance(error, CommandError) else ""
+    return {"status": ReplyStatus.REJECTED.value, "reason": reason, "hint": hint}

@@ -1,0 +1,209 @@
+"""The console's way to the edges: joins those that run, takes what they publish, and joins them again.
+
+An edge that is away, frozen, or lets nobody in is shown as such and tried again; nothing waits for it.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+import threading
+from collections.abc import Callable, Mapping
+from pathlib import Path
+
+import msgspec
+
+from fleet.bus import keys
+from fleet.bus.bus import Bus, join
+from fleet.bus.settings import BusSettings, running_edges
+from fleet.bus.zenoh_session import ZenohSession
+from fleet.clock import Clock
+from fleet.console.fleet_view import FleetView, Goals
+from fleet.console.task import ConsoleTask
+from fleet.errors import BusError, WireError
+from fleet.missions.report import MissionState, RunState
+from fleet.model.description import RobotDescription
+from fleet.model.report import PoseReport
+from fleet.model.state import EdgeState, RobotState
+from fleet.runtime.decoding import decode_json
+from fleet.wire.databus import decode_report
+
+log = logging.getLogger(__name__)
+
+LOOK = 0.25  # s between looks at which edges run
+AGAIN = 2.0  # s until an edge that let nobody in is tried again
+ANSWER_WITHIN = 2.0  # s for the first states
+POSITIONS = f"cw/*/data/{PoseReport.channel}"
+
+
+class EdgeConnections:
+    """The buses of the edges, and what arrived on them since the last ``take``, the newest of each key."""
+
+    def __init__(self, task: ConsoleTask, directory: Path, view: FleetView, clock: Clock) -> None:
+        self._task = task
+        self._directory = directory
+        self._view = view
+        self._clock = clock
+        self._buses: dict[str, Bus] = {}
+        self._joining: dict[str, asyncio.Task[None]] = {}
+        self._closing: set[asyncio.Task[None]] = set()
+        self._not_before: dict[str, float] = {}
+        self._lock = threading.Lock()
+        self._pending: dict[str, bytes] = {}
+        self._takers: Mapping[str, Callable[[list[str], bytes], None]] = {
+            "robots/state": self._take_state,
+            "robots/description": self._take_description,
+            "health": self._take_health,
+            "places": self._take_places,
+            "missions": self._take_mission,
+            "runs": self._take_run,
+            "data": self._take_pose,
+        }
+
+    def lanes(self) -> dict[str, ZenohSession]:
+        """Return the control sessions that are joined now, by edge."""
+        return {edge: bus.control for edge, bus in self._buses.items()}
+
+    def lane_to(self, edge: str) -> ZenohSession | None:
+        """Return the session by which an edge is asked; another edge's where it is not joined itself."""
+        lanes = self.lanes()
+        return lanes.get(edge) or next(iter(lanes.values()), None)
+
+    async def run(self) -> None:
+        """Join edges as they come, and leave those that are gone, until cancelled."""
+        try:
+            while True:
+                self._look()
+                await asyncio.sleep(LOOK)
+        finally:
+            # What is being opened is waited for, and closed: a thread inside Zenoh must not outlive us.
+            await asyncio.gather(*self._joining.values(), return_exceptions=True)
+            for edge in list(self._buses):
+                self._leave(edge)
+            await asyncio.gather(*self._closing, return_exceptions=True)
+
+    def _look(self) -> None:
+        """Begin to join what runs and is not joined; leave what is gone."""
+        wanted = {settings.edge: settings for settings in self._task.edges}
+        running = set(running_edges(self._directory))
+        if not self._task.only:
+            wanted = {edge: BusSettings(edge) for edge in running} | wanted
+        now = self._clock.monotonic()
+        for edge, settings in wanted.items():
+            reachable = edge in running or bool(settings.connect)
+            if edge in self._buses:
+                if not reachable or not self._buses[edge].control.reached():
+                    self._leave(edge)
+            elif not reachable:
+                self._view.edge_is(edge, alive=False, problem="it does not run", now=now)
+            elif edge not in self._joining and now >= self._not_before.get(edge, now):
+                self._joining[edge] = asyncio.create_task(self._join(settings), name=f"join:{edge}")
+        for edge in self._buses.keys() - wanted.keys():
+            self._leave(edge)
+
+    def _leave(self, edge: str) -> None:
+        """Close the bus of an edge that is gone; it is joined again when it is back."""
+        bus = self._buses.pop(edge)
+        self._view.edge_is(edge, alive=False, problem="it has gone", now=self._clock.monotonic())
+        closing = asyncio.create_task(asyncio.to_thread(bus.close), name=f"close:{edge}")
+        self._closing.add(closing)
+        closing.add_done_callback(self._closing.discard)
+
+    async def _join(self, settings: BusSettings) -> None:
+        """Join one edge, or show why not."""
+        edge = settings.edge
+        try:
+            bus = await asyncio.to_thread(self._open, settings)
+        except BusError as error:
+            now = self._clock.monotonic()
+            self._not_before[edge] = now + AGAIN
+            self._view.edge_is(edge, alive=False, problem=str(error), now=now)
+        else:
+            self._buses[edge] = bus
+            self._view.edge_is(edge, alive=True, now=self._clock.monotonic())
+            await asyncio.to_thread(self._ask_states, bus.control)
+        finally:
+            del self._joining[edge]
+
+    def _open(self, settings: BusSettings) -> Bus:
+        """Join an edge's bus and subscribe; blocks."""
+        bus = join(settings, self._directory)
+        for key in (keys.state("*", "*"), keys.health("*"), keys.places("*", "*"), keys.run("*", "*")):
+            bus.control.subscribe(key, self._arrived)
+        bus.reports.gather(POSITIONS, self._gathered)
+        return bus
+
+    def _ask_states(self, control: ZenohSession) -> None:
+        """Ask for what does not change and so is not published soon; blocks."""
+        for key in (keys.health("*"), keys.state("*", "*"), keys.mission("*", "*"), keys.run("*", "*")):
+            for answered, data in control.ask(key, b"", timeout=ANSWER_WITHIN):
+                self._arrived(answered, data)
+
+    def ask_description(self, robot: str) -> None:
+        """Ask what a robot takes; the answer arrives like what is published."""
+        edge, _, name = robot.rpartition("/")
+        lane, key = self.lane_to(edge), keys.description(edge, name)
+        if lane is not None and robot in self._view.states:
+            lane.ask_later(
+                key,
+                b"",
+                timeout=ANSWER_WITHIN,
+                on_answer=lambda data: self._arrived(key, data),
+                on_end=lambda: None,
+            )
+
+    def _arrived(self, key: str, payload: bytes) -> None:
+        """Keep the newest of a key; on the bus's threads."""
+        with self._lock:
+            self._pending[key] = payload
+
+    def _gathered(self, samples: list[tuple[str, bytes]]) -> None:
+        """Keep the newest of each key; on the bus's thread."""
+        with self._lock:
+            self._pending.update(samples)
+
+    def take(self) -> None:
+        """Take what arrived into the view; what cannot be read is logged and left out."""
+        with self._lock:
+            pending, self._pending = self._pending, {}
+        # States first: a pose is shown in the frame that its robot's state tells.
+        for key in sorted(pending, key=lambda key: key.startswith("cw/")):
+            parts = key.split("/")
+            kind = f"robots/{parts[-1]}" if parts[2] == "robots" else parts[2]
+            taker = self._takers.get(kind)
+            try:
+                if taker is not None:
+                    taker(parts, pending[key])
+            except (msgspec.DecodeError, WireError, ValueError) as error:
+                log.warning("what %s says cannot be read: %s", key, error)
+
+    def _take_state(self, _parts: list[str], payload: bytes) -> None:
+        """Take a robot's state."""
+        self._view.take_state(decode_json(payload, RobotState), self._clock.monotonic())
+
+    def _take_health(self, _parts: list[str], payload: bytes) -> None:
+        """Take an edge's state."""
+        self._view.take_edge(decode_json(payload, EdgeState), self._clock.monotonic())
+
+    def _take_places(self, parts: list[str], payload: bytes) -> None:
+        """Take where robots go."""
+        self._view.take_goals(parts[1], decode_json(payload, Goals))
+
+    def _take_description(self, parts: list[str], payload: bytes) -> None:
+        """Take what a robot takes."""
+        self._view.take_description(parts[1], decode_json(payload, RobotDescription))
+
+    def _take_mission(self, _parts: list[str], payload: bytes) -> None:
+        """Take a mission that can be started."""
+        found = decode_json(payload, MissionState)
+        self._view.put("missions", f"{found.edge}/{found.name}", msgspec.to_builtins(found))
+
+    def _take_run(self, _parts: list[str], payload: bytes) -> None:
+        """Take a run of a mission."""
+        self._view.take_run(decode_json(payload, RunState))
+
+    def _take_pose(self, parts: list[str], payload: bytes) -> None:
+        """Take where a robot is."""
+        report = decode_report(PoseReport.channel, payload)
+        if isinstance(report, PoseReport):
+            self._view.take_pose(parts[1], report)

@@ -1,0 +1,33 @@
+"""The files of the page, read once: what is served is a table, so no path leads anywhere else."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from importlib import resources
+
+import msgspec
+
+TYPES: Mapping[str, str] = {
+    ".html": "text/html; charset=utf-8",
+    ".css": "text/css; charset=utf-8",
+    ".js": "text/javascript; charset=utf-8",
+    ".svg": "image/svg+xml",
+}
+
+
+class PageFile(msgspec.Struct, frozen=True):
+    """One file: its bytes and its media type."""
+
+    content: bytes
+    media_type: str
+
+
+def page_files() -> dict[str, PageFile]:
+    """Return the files by the path of their address; ``/`` is the page itself."""
+    found = {}
+    for each in resources.files("fleet.console").joinpath("static").iterdir():
+        kind = TYPES.get(each.name[each.name.rfind(".") :])
+        if kind is not None:
+            found[f"/{each.name}"] = PageFile(each.read_bytes(), kind)
+    found["/"] = found.pop("/index.html")
+    return found

@@ -1,0 +1,172 @@
+"""What a page shows of the fleet, as entries that each have a version; pure.
+
+A page has seen everything up to a version, and is told the entries that changed since. So a slow page gets
+fewer, newer messages and never a queue. Entries stay for the life of the console: a robot that vanishes is
+shown as gone, not left out.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from typing import Any
+
+import msgspec
+
+from fleet.missions.report import RunState
+from fleet.model.description import RobotDescription
+from fleet.model.geometry import Vector3, wrap_angle
+from fleet.model.report import PoseReport
+from fleet.model.state import EdgeState, RobotState
+
+KINDS = ("edges", "robots", "poses", "goals", "descriptions", "stops", "missions", "runs")
+"""The kinds of entries, in the order in which a page takes them."""
+MOST_STOPS = 20  # stops that are shown; older ones are in the history
+MOST_RUNS = 30
+ROUNDED = 3  # decimals of metres and radians: less than anybody sees on a map
+
+
+class Goals(msgspec.Struct, frozen=True):
+    """What a process of an edge tells of its robots' ways (``fleet/{edge}/places/{process}``)."""
+
+    robots: tuple[GoalOf, ...] = ()
+
+
+class GoalOf(msgspec.Struct, frozen=True):
+    """One robot of it."""
+
+    robot: Occupied
+
+
+class Occupied(msgspec.Struct, frozen=True):
+    """Its name, and the points of its way in the site's frame, m."""
+
+    name: str
+    way: tuple[Vector3, ...] = ()
+
+
+def id_of(edge: str, robot: str) -> str:
+    """Return the identity of a robot among several edges."""
+    return f"{edge}/{robot}"
+
+
+class FleetView:
+    """The entries by kind and identity; ``version`` grows with each change.
+
+    ``states`` are the robots' newest states by identity. Times are monotonic seconds of this process.
+    """
+
+    def __init__(self) -> None:
+        self.version = 0
+        self.states: dict[str, RobotState] = {}
+        self.edges: dict[str, EdgeState] = {}
+        self._alive: dict[str, bool] = {}
+        self._problems: dict[str, str] = {}
+        self._by_twin: dict[str, str] = {}
+        self._entries: dict[str, dict[str, tuple[int, Any]]] = {kind: {} for kind in KINDS}
+
+    def since(self, version: int) -> dict[str, dict[str, Any]]:
+        """Return the entries that changed after a version, by kind and identity; 0 is everything."""
+        found = {
+            kind: {name: value for name, (at, value) in entries.items() if at > version}
+            for kind, entries in self._entries.items()
+        }
+        return {kind: entries for kind, entries in found.items() if entries}
+
+    def put(self, kind: str, name: str, value: object) -> None:
+        """Set an entry; one that is the same as before is no change."""
+        entries = self._entries[kind]
+        if name in entries and entries[name][1] == value:
+            return
+        self.version += 1
+        entries.pop(name, None)  # so that the newest is the last
+        entries[name] = (self.version, value)
+
+    def get(self, kind: str, name: str) -> Any:
+        """Return an entry, None where there is none."""
+        entry = self._entries[kind].get(name)
+        return None if entry is None else entry[1]
+
+    def take_state(self, state: RobotState, now: float) -> None:
+        """Take a robot's state; an older one than is known is left alone."""
+        name = id_of(state.edge, state.name)
+        known = self.states.get(name)
+        if known is not None and state.stamp < known.stamp:
+            return
+        self.states[name] = state
+        self._by_twin[state.twin] = name
+        shown: dict[str, Any] = msgspec.to_builtins(msgspec.structs.asdict(state))
+        shown |= {"id": name, "heard": round(now, 1)}
+        self.put("robots", name, shown)
+        if self.get("poses", name) is None and (at := state.site or state.position) is not None:
+            self.put("poses", name, [*_rounded((at.x, at.y, at.z)), None, state.site is not None])
+
+    def take_edge(self, state: EdgeState, now: float) -> None:
+        """Take an edge's own state."""
+        known = self.edges.get(state.edge)
+        if known is None or state.stamp >= known.stamp:
+            self.edges[state.edge] = state
+            self._alive[state.edge] = True
+            self._show_edge(state.edge, now)
+
+    def edge_is(self, edge: str, *, alive: bool, problem: str = "", now: float) -> None:
+        """Take whether an edge runs, and in words why it is not reached."""
+        self._alive[edge], self._problems[edge] = alive, problem
+        self._show_edge(edge, now)
+
+    def _show_edge(self, edge: str, now: float) -> None:
+        """Set the entry of an edge."""
+        state = self.edges.get(edge)
+        shown: dict[str, Any] = msgspec.to_builtins(msgspec.structs.asdict(state)) if state else {}
+        told = {"edge": edge, "alive": self._alive.get(edge, False), "problem": self._problems.get(edge, "")}
+        self.put("edges", edge, {"heard": round(now, 1)} | shown | told)
+
+    def take_pose(self, twin: str, pose: PoseReport) -> None:
+        """Take where a robot is: in the site's frame when it is placed there, else in its own.
+
+        An entry is x, y, z (m), yaw (rad; None while unknown), and whether it is in the site's frame.
+        """
+        name = self._by_twin.get(twin)
+        if name is None:
+            return
+        placement = self.states[name].placement
+        at, yaw = pose.position, pose.rotation.yaw
+        if placement is not None:
+            at, yaw = placement.to_site(at), wrap_angle(yaw + placement.yaw)
+        self.put("poses", name, [*_rounded((at.x, at.y, at.z, yaw)), placement is not None])
+
+    def take_goals(self, edge: str, goals: Goals) -> None:
+        """Take where the robots of an edge go."""
+        for told in goals.robots:
+            name = id_of(edge, told.robot.name)
+            way = [list(_rounded((point.x, point.y, point.z))) for point in told.robot.way]
+            if way or self.get("goals", name) is not None:
+                self.put("goals", name, way)
+
+    def take_description(self, edge: str, description: RobotDescription) -> None:
+        """Take what a robot takes, and whether it would take it now."""
+        self.put("descriptions", id_of(edge, description.robot), msgspec.to_builtins(description))
+
+    def take_stop(self, request: str, shown: Mapping[str, object]) -> None:
+        """Take how a stop goes; the oldest are left out."""
+        self.put("stops", request, dict(shown))
+        self._keep("stops", MOST_STOPS)
+
+    def take_run(self, run: RunState) -> None:
+        """Take a run of a mission; those that changed longest ago are left out."""
+        self.put("runs", f"{run.edge}/{run.run}", msgspec.to_builtins(run))
+        self._keep("runs", MOST_RUNS)
+
+    def _keep(self, kind: str, most: int) -> None:
+        """Leave out entries that changed longest ago."""
+        entries = self._entries[kind]
+        while len(entries) > most:
+            entries.pop(next(iter(entries)))
+
+    def named(self, names: Iterable[str]) -> list[RobotState]:
+        """Return the states of robots by their identities; those that nobody knows are left out."""
+        return [self.states[name] for name in names if name in self.states]
+
+
+def _rounded(values: Iterable[float]) -> Iterable[float]:
+    """Return numbers with as many decimals as a map shows."""
+    return (round(value, ROUNDED) for value in values)

@@ -1,0 +1,120 @@
+"""What every request to the console must pass, and what every answer carries: an ASGI middleware.
+
+A page of another site can have the browser send requests here. It cannot forge their ``Origin``, and by a
+name of its own that resolves to this computer (DNS rebinding) it comes with that name as ``Host``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from urllib.parse import urlsplit
+
+from starlette.datastructures import Headers, MutableHeaders
+from starlette.responses import PlainTextResponse
+from starlette.types import ASGIApp, Message, Receive, Scope, Send
+
+HOSTS = frozenset({"127.0.0.1", "localhost", "[::1]"})
+"""Names of this computer; any port, because a tunnel may have another one at its other end."""
+LONGEST_BODY = 16 * 1024  # bytes of a request
+LONGEST_TARGET = 1024  # bytes of a path with its query
+
+POLICY = (
+    "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' data:; connect-src 'self'; "
+    "base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
+)
+"""Nothing is loaded from elsewhere, and no code stands in the page itself."""
+_ANSWERS = {
+    "Content-Security-Policy": POLICY,
+    "X-Content-Type-Options": "nosniff",
+    "Referrer-Policy": "no-referrer",
+    "Cross-Origin-Opener-Policy": "same-origin",
+    "Cross-Origin-Resource-Policy": "same-origin",
+    "Permissions-Policy": "camera=(), geolocation=(), microphone=()",
+    "Cache-Control": "no-store",
+}
+
+
+def refusal_of(method: str, headers: Headers, target: str, *, scheme: str) -> str:
+    """Return why a request is not served, empty when it is; ``method`` is WEBSOCKET for a handshake."""
+    hosts = headers.getlist("host")
+    if len(hosts) != 1 or _name_of(hosts[0]) not in HOSTS:
+        return "this console is reached by 127.0.0.1 or localhost; from elsewhere through a tunnel (ssh -L)"
+    if len(target) > LONGEST_TARGET:
+        return "the address is too long"
+    if method in ("GET", "HEAD"):
+        return ""
+    if method not in ("POST", "WEBSOCKET"):
+        return f"{method[:20]} is not served"
+    refusal = _foreign(headers, f"{scheme}://{hosts[0]}")
+    return refusal if refusal or method == "WEBSOCKET" else _body_refusal(headers)
+
+
+def _foreign(headers: Headers, origin: str) -> str:
+    """Return why a request is not from a page of ours, empty when it is."""
+    if headers.getlist("origin") != [origin]:
+        return "it comes from a page of another origin, or tells none"
+    if headers.get("sec-fetch-site", "same-origin") != "same-origin":
+        return "it comes from another site"
+    return ""
+
+
+def _body_refusal(headers: Headers) -> str:
+    """Return why the body of a request is not read, empty when it is."""
+    if headers.getlist("content-type") != ["application/json"]:
+        return "the body must be application/json"
+    length = headers.get("content-length", "")
+    if not length.isascii() or not length.isdecimal():
+        return "the body's length must be given"
+    return "" if int(length) <= LONGEST_BODY else f"the body has more than {LONGEST_BODY} bytes"
+
+
+def _name_of(host: str) -> str:
+    """Return the name in a Host header, without its port; empty for what is no host."""
+    try:
+        parts = urlsplit(f"//{host}")
+        port = parts.port
+    except ValueError:
+        return ""
+    name = host if port is None else host.rpartition(":")[0]
+    return name.lower() if parts.netloc == host and "@" not in host else ""
+
+
+class Guard:
+    """Passes on to ``app`` what ``refusal_of`` lets through, and adds the headers to each answer."""
+
+    def __init__(self, app: ASGIApp) -> None:
+        self._app = app
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Serve one request or WebSocket."""
+        if scope["type"] not in ("http", "websocket"):
+            await self._app(scope, receive, send)
+            return
+        method = scope["method"] if scope["type"] == "http" else "WEBSOCKET"
+        scheme = "https" if scope["scheme"] in ("https", "wss") else "http"
+        target = scope.get("raw_path", b"").decode("latin-1") + scope["query_string"].decode("latin-1")
+        refusal = refusal_of(method, Headers(scope=scope), target, scheme=scheme)
+
+        async def answer(message: Message) -> None:
+            if message["type"] in ("http.response.start", "websocket.http.response.start"):
+                with_headers(message, _ANSWERS.items())
+            await send(message)
+
+        if refusal:
+            await _refuse(scope, receive, answer, refusal)
+        else:
+            await self._app(scope, receive, answer)
+
+
+def with_headers(message: Message, headers: Iterable[tuple[str, str]]) -> None:
+    """Add headers to the start of an answer."""
+    into = MutableHeaders(scope=message)
+    for name, value in headers:
+        into[name] = value
+
+
+async def _refuse(scope: Scope, receive: Receive, send: Send, why: str) -> None:
+    """Answer 403 with the reason; a WebSocket gets it in place of its handshake."""
+    if scope["type"] == "websocket":
+        await receive()
+    await PlainTextResponse(f"refused: {why}\n", status_code=403)(scope, receive, send)

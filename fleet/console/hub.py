@@ -1,0 +1,93 @@
+"""What all pages of a console share: the view of the fleet, its clock of ticks, stops and the edges."""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+from collections.abc import Callable, Coroutine
+from pathlib import Path
+from typing import Any
+
+import msgspec
+
+from fleet.bus.settings import runtime_dirs
+from fleet.clock import Clock
+from fleet.console.edge_connections import EdgeConnections
+from fleet.console.fleet_view import FleetView
+from fleet.console.sessions import Operator
+from fleet.console.stops import Stops, StopTarget
+from fleet.console.tab import Tab
+from fleet.console.task import ConsoleTask
+
+log = logging.getLogger(__name__)
+
+TICK = 0.1  # s between looks at what is new
+QUIET = 0.25  # s after which a page is told something in any case; it shows silence after 1 s
+DESCRIBE = 10  # ticks between looks at what watched robots take
+MOST_TABS = 64
+
+
+class Hub:
+    """The view, brought up to date at each tick, and the pages that are told of it."""
+
+    def __init__(self, task: ConsoleTask, directory: Path, clock: Clock) -> None:
+        self.clock = clock
+        self.view = FleetView()
+        self.edges = EdgeConnections(task, directory, self.view, clock)
+        self.tabs: set[Tab] = set()
+        self._stops = Stops(self.view, self.edges.lanes, _directories(directory), clock)
+        self._tick = asyncio.Event()
+        self._count = 0
+        self._news: dict[int, tuple[bytes, int]] = {}  # by the version that they begin at, for this tick
+
+    async def run(self) -> None:
+        """Join the edges and turn until cancelled."""
+        connecting = asyncio.create_task(self.edges.run(), name="edges")
+        try:
+            while True:
+                self.turn()
+                await asyncio.sleep(TICK)
+        finally:
+            connecting.cancel()
+            await asyncio.gather(connecting, return_exceptions=True)
+            self._stops.close()
+
+    def turn(self) -> None:
+        """Take what is new, and wake the pages."""
+        self._count += 1
+        self.edges.take()
+        self._news.clear()
+        if self._count % DESCRIBE == 0:
+            for robot in {tab.watched for tab in self.tabs} - {""}:
+                self.edges.ask_description(robot)
+        tick, self._tick = self._tick, asyncio.Event()
+        tick.set()
+
+    async def next_tick(self) -> None:
+        """Wait for the next tick."""
+        await self._tick.wait()
+
+    def news_since(self, version: int) -> tuple[bytes, int]:
+        """Return a message with what changed after a version, and the version that it leads to.
+
+        Pages that have seen the same get the same bytes. Without news it is a sign of life now and then,
+        else empty.
+        """
+        current = self.view.version
+        if version == current and self._count % round(QUIET / TICK):
+            return b"", version
+        if version not in self._news:
+            told: dict[str, Any] = {"type": "news", "now": self.clock.monotonic(), "time": self.clock.time()}
+            self._news[version] = msgspec.json.encode(told | self.view.since(version)), current
+        return self._news[version]
+
+    def stop(
+        self, target: StopTarget, operator: Operator, why: str, request: str
+    ) -> Coroutine[Any, Any, dict[str, Any]]:
+        """Stop robots on behalf of an operator."""
+        return self._stops.ask(target, operator.name, why, request)
+
+
+def _directories(directory: Path) -> Callable[[], list[Path]]:
+    """Return what finds the folders with the supervisors' sockets: ours, and others of this user."""
+    return lambda: list(dict.fromkeys((directory, *runtime_dirs())))

@@ -1,0 +1,58 @@
+"""Missions from the console: started and controlled as from the command line, by the operator's name."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from typing import TypeVar
+
+import msgspec
+
+from fleet.bus import keys
+from fleet.bus.zenoh_session import ZenohSession
+from fleet.clock import Clock
+from fleet.console.requests import MissionAsked, RunAsked
+from fleet.errors import Refused, TimedOut
+from fleet.missions.report import ControlAsk, Controlled, StartAsk, Started
+from fleet.runtime.decoding import decode_json
+
+ANSWER_WITHIN = 15.0  # s for an edge to start a mission: its robots join it first
+
+T = TypeVar("T")
+
+
+def start(
+    asked: MissionAsked, lanes: Iterable[ZenohSession], operator: str, clock: Clock
+) -> dict[str, object]:
+    """Start a mission; return the answer for the page. Raises Refused, TimedOut. Blocks."""
+    wanted = StartAsk(inputs=asked.inputs, session_id=operator, timestamp=clock.time())
+    key = keys.mission(asked.edge, asked.name)
+    started = _ask(key, wanted, Started, lanes, {"do": "start"})
+    if started.refusal:
+        raise Refused(started.refusal, hint=started.hint)
+    robots = ", ".join(name for names in started.roles.values() for name in names)
+    return {"status": "accepted", "done": True, "reason": f"run {started.run} with {robots}"}
+
+
+def control(asked: RunAsked, lanes: Iterable[ZenohSession], operator: str) -> dict[str, object]:
+    """Control a run; return the answer for the page. Raises Refused, TimedOut. Blocks."""
+    wanted = ControlAsk(asked.do, asked.question, asked.goes_on, operator)
+    controlled = _ask(keys.run(asked.edge, asked.run), wanted, Controlled, lanes)
+    if controlled.refusal:
+        raise Refused(controlled.refusal)
+    return {"status": "accepted", "done": True}
+
+
+def _ask(
+    key: str,
+    wanted: msgspec.Struct,
+    kind: type[T],
+    lanes: Iterable[ZenohSession],
+    parameters: Mapping[str, str] | None = None,
+) -> T:
+    """Ask one edge, by whichever session reaches it; raises TimedOut without an answer."""
+    for lane in lanes:
+        for _, data in lane.ask(
+            key, msgspec.json.encode(wanted), timeout=ANSWER_WITHIN, parameters=parameters
+        ):
+            return decode_json(data, kind)
+    raise TimedOut(f"no edge answers on {key}")

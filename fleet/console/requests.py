@@ -1,0 +1,175 @@
+"""What a page asks for over its WebSocket, and what each asker needs for it; strict, no I/O."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Annotated, Any, Literal
+
+import msgspec
+
+from fleet.console.sessions import Permission
+from fleet.errors import WireError
+from fleet.runtime.decoding import json_decoder
+
+MOST_ROBOTS = 1000  # in one request
+LONGEST_WORD = 200  # characters of an identity, a name, a reason
+FASTEST = 50.0  # m/s or rad/s; each robot's own limits are the edge's business
+ADMIN_COMMANDS = frozenset({"restart_adapter", "set_parameters", "reboot"})
+"""Commands that change a robot for longer than its next motion."""
+
+
+Speed = Annotated[float, msgspec.Meta(ge=-FASTEST, le=FASTEST)]
+
+
+class StopAsked(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field="ask", tag="stop"):
+    """Stop these robots (``edge/robot``); none means all. ``request`` is the same by whichever way."""
+
+    request: str
+    robots: tuple[str, ...] = ()
+    why: str = ""
+
+
+class ReleaseAsked(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field="ask", tag="release"):
+    """Release these robots from their emergency stop."""
+
+    request: str
+    robots: tuple[str, ...]
+
+
+class GotoAsked(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field="ask", tag="goto"):
+    """Send these robots to a point in the site's frame, m; ``spacing`` metres from each other.
+
+    Without ``z`` each keeps its height.
+    """
+
+    request: str
+    robots: tuple[str, ...]
+    x: float
+    y: float
+    z: float | None = None
+    spacing: float | None = None
+
+
+class CommandAsked(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field="ask", tag="command"):
+    """Send a robot a command with its data."""
+
+    request: str
+    robot: str
+    command: str
+    data: dict[str, Any] = {}
+
+
+class DriveAsked(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field="ask", tag="drive"):
+    """Hold a velocity: m/s and rad/s in the robot's body frame (x forward, y left, z up).
+
+    ``number`` comes back with the answer: the page measures the way and back.
+    """
+
+    number: int
+    robot: str
+    linear_x: Speed = 0.0
+    linear_y: Speed = 0.0
+    linear_z: Speed = 0.0
+    angular_z: Speed = 0.0
+
+    @property
+    def is_zero(self) -> bool:
+        """True when its driver has let go."""
+        return not (self.linear_x or self.linear_y or self.linear_z or self.angular_z)
+
+
+class MissionAsked(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field="ask", tag="mission"):
+    """Start a mission that an edge knows."""
+
+    request: str
+    edge: str
+    name: str
+    inputs: dict[str, Any] = {}
+
+
+class RunAsked(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field="ask", tag="run"):
+    """Control a run, or answer its ``question``."""
+
+    request: str
+    edge: str
+    run: str
+    do: Literal["pause", "resume", "abort", "answer"]
+    question: int = 0
+    goes_on: bool = False
+
+
+class WatchAsked(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field="ask", tag="watch"):
+    """Tell what this robot takes, for as long as its page is open; an empty name: none."""
+
+    robot: str = ""
+
+
+class CausesAsked(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field="ask", tag="causes"):
+    """Tell who stopped these robots, when and why."""
+
+    request: str
+    robots: tuple[str, ...]
+
+
+class PingAsked(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field="ask", tag="ping"):
+    """Answer at once, with the same number: the page measures the way and back."""
+
+    number: int
+
+
+Request = StopAsked | ReleaseAsked | GotoAsked | CommandAsked | CausesAsked | MissionAsked | RunAsked
+"""What is answered by its request's name."""
+Asked = Request | DriveAsked | WatchAsked | PingAsked
+
+_NEEDS: Mapping[type[object], Permission] = {
+    StopAsked: Permission.VIEW,
+    WatchAsked: Permission.VIEW,
+    CausesAsked: Permission.VIEW,
+    PingAsked: Permission.VIEW,
+    ReleaseAsked: Permission.OPERATE,
+    GotoAsked: Permission.OPERATE,
+    CommandAsked: Permission.OPERATE,
+    DriveAsked: Permission.OPERATE,
+    MissionAsked: Permission.OPERATE,
+    RunAsked: Permission.OPERATE,
+}
+"""The permission that each request needs; a stop is everybody's."""
+
+
+_WORDS = ("request", "robot", "command", "why", "edge", "name", "run")
+"""Fields that hold a name or a text."""
+
+
+def needed_for(asked: Asked) -> Permission:
+    """Return the permission that a request needs."""
+    if isinstance(asked, CommandAsked) and asked.command in ADMIN_COMMANDS:
+        return Permission.ADMIN
+    return _NEEDS[type(asked)]
+
+
+def read_asked(text: str | bytes) -> Asked:
+    """Decode a message of a page; raises WireError."""
+    try:
+        asked: Asked = json_decoder(Asked).decode(text)
+    except (msgspec.DecodeError, ValueError, RecursionError) as error:
+        raise WireError(str(error)[:LONGEST_WORD]) from None
+    _require_bounds(asked)
+    return asked
+
+
+def read_stop(body: bytes) -> StopAsked:
+    """Decode a stop that came by POST; raises WireError."""
+    asked = read_asked(body)
+    if not isinstance(asked, StopAsked):
+        raise WireError("only a stop is taken here")
+    return asked
+
+
+def _require_bounds(asked: Asked) -> None:
+    """Raise WireError for more robots, or longer words, than anybody means."""
+    robots = getattr(asked, "robots", ())
+    if len(robots) > MOST_ROBOTS:
+        raise WireError(f"more than {MOST_ROBOTS} robots", where="robots")
+    words = [*robots, *(getattr(asked, field, "") for field in _WORDS)]
+    if any(len(word) > LONGEST_WORD for word in words):
+        raise WireError(f"a name or text has more than {LONGEST_WORD} characters")

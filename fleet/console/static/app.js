@@ -1,0 +1,17 @@
+// The page: its parts, each started once.
+
+import { startAnswers } from "./answers.js";
+import { startMap } from "./map.js";
+import { startPad } from "./pad.js";
+import { startPanel } from "./panel.js";
+import { startRobots } from "./robots.js";
+import { startStopView } from "./stopview.js";
+import { start } from "./store.js";
+
+startStopView();
+startRobots();
+startPanel();
+startAnswers();
+startMap();
+startPad();
+start();

@@ -1,0 +1,122 @@
+// What is shown while no robot is selected: what is wrong, by cause, and the missions.
+
+import { counted, duration, element, healthMark, timeOfDay } from "./dom.js";
+import { order } from "./answers.js";
+import { label, ordered, select, staleness, store } from "./store.js";
+
+const operates = () => store.permission !== "view";
+const since = {}; // by robot: {cause, at}, so that a trouble has an age
+
+function causeOf(robot) {
+  const old = staleness(robot);
+  if (old) return old.replace(/ for \d+ s$/, "");
+  return robot.health === "ok" ? "" : robot.cause || robot.health;
+}
+
+// Robots with the same cause stand together; figures and the robot's own name do not make a cause another.
+function byCause(robots) {
+  const found = new Map();
+  for (const robot of robots) {
+    const cause = causeOf(robot);
+    if (!cause) {
+      delete since[robot.id];
+      continue;
+    }
+    const common = cause.replaceAll(robot.name, "ROBOT").replace(/\d+(\.\d+)?/g, "#");
+    if (since[robot.id]?.common !== common) since[robot.id] = { common, at: store.time };
+    const key = `${robot.edge} ${common}`;
+    found.set(key, [...(found.get(key) || []), robot]);
+  }
+  return [...found.values()];
+}
+
+function robotLink(robot) {
+  return element("button", { type: "button", class: "link", onclick: () => select([robot.id]) }, label(robot));
+}
+
+function troubleItem(robots) {
+  const first = robots[0];
+  const oldest = Math.min(...robots.map((robot) => since[robot.id].at));
+  const many = robots.length > 1 ? `${counted(robots.length, "robot")}: ` : "";
+  return element("li", {}, healthMark(staleness(first) ? "offline" : first.health), element("div", {}, element("p", {}, many + causeOf(first)), element("p", { class: "dim" }, `since ${duration(Math.max(0, store.time - oldest))} · `, ...robots.slice(0, 12).map(robotLink))));
+}
+
+function edgeItem(edge) {
+  const words = edge.alive ? edge.cause : edge.problem || "away";
+  const robots = byCause(ordered().filter((robot) => robot.edge === edge.edge));
+  const fine = edge.alive && edge.health === "ok" && !robots.length;
+  return element("li", { class: "tree" }, healthMark(edge.alive ? edge.health || "ok" : "offline"), element("div", {}, element("p", {}, element("b", {}, edge.edge), fine ? " all well" : ` ${words || ""}`), robots.length ? element("ul", {}, ...robots.map(troubleItem)) : ""));
+}
+
+export function health() {
+  const edges = Object.values(store.edges);
+  if (!edges.length) return [];
+  return [element("h3", {}, "Health, by cause"), element("ul", { class: "causes" }, ...edges.map(edgeItem))];
+}
+
+// What of the health is shown; it is drawn anew when that changes, and for the ages.
+export function healthKey() {
+  return [Object.values(store.edges).map((edge) => [edge.edge, edge.alive, edge.health, edge.cause, edge.problem]), ordered().map((robot) => [robot.id, causeOf(robot)]), Math.floor(store.time / 10)];
+}
+
+// -- missions ------------------------------------------------------------------------------------------------
+
+function control(run, what, more = {}) {
+  order({ ask: "run", edge: run.edge, run: run.run, do: what, ...more }, `${run.mission}: ${what}`);
+}
+
+function runButton(run, words, what, more) {
+  return element("button", { type: "button", disabled: !operates(), onclick: () => control(run, what, more) }, words);
+}
+
+function question(run) {
+  const asked = run.question;
+  if (!asked) return "";
+  const answer = (goesOn) => ({ question: asked.id, goes_on: goesOn });
+  return element("div", { class: "confirm" }, element("p", {}, asked.text), element("small", {}, `without an answer within ${Math.round(asked.seconds)} s: ${asked.on_timeout}`), element("div", { class: "row" }, runButton(run, "Continue", "answer", answer(true)), runButton(run, "Abort", "answer", answer(false))));
+}
+
+function lane(robot) {
+  const words = robot.within === false ? `left: ${robot.outcome} ${robot.reason || ""}` : robot.doing || robot.outcome || "waits";
+  return element("tr", {}, element("th", { scope: "row" }, robot.robot), element("td", { class: "dim" }, robot.role), element("td", {}, words));
+}
+
+function runItem(run) {
+  const ended = run.phase === "ended";
+  const words = ended ? `${run.outcome}${run.reason ? `: ${run.reason}` : ""}` : `step ${run.step}${run.phase === "step" ? "" : ` · ${run.phase}`}`;
+  const buttons = ended ? [] : [run.phase === "paused" ? runButton(run, "Resume", "resume") : runButton(run, "Pause", "pause"), runButton(run, "Abort", "abort")];
+  return element("li", { class: `run ${ended ? "ended" : ""}` }, element("p", {}, element("b", {}, run.mission), ` ${words}`), element("p", { class: "dim" }, `run ${run.run}${run.by ? ` by ${run.by}` : ""}, ${timeOfDay(run.started)}`), question(run), ended ? "" : element("table", {}, ...(run.robots || []).map(lane)), buttons.length ? element("div", { class: "row" }, ...buttons) : "");
+}
+
+function startForm(mission) {
+  const inputs = Object.entries(mission.inputs || {});
+  const fields = inputs.map(([name, words]) => element("label", {}, element("span", {}, name), element("input", { name, placeholder: words }), ""));
+  const form = element("form", { class: "command-form" }, element("p", {}, element("b", {}, mission.name), ` ${mission.summary || ""}`), ...fields, element("div", { class: "row" }, element("button", { class: "primary", disabled: !operates() }, "Start")));
+  form.addEventListener("submit", (event) => {
+    event.preventDefault();
+    const data = {};
+    for (const [name] of inputs) {
+      const text = form.elements[name].value.trim();
+      if (text === "") continue;
+      try {
+        data[name] = JSON.parse(text);
+      } catch {
+        data[name] = text;
+      }
+    }
+    order({ ask: "mission", edge: mission.edge, name: mission.name, inputs: data }, `start ${mission.name}`);
+  });
+  return form;
+}
+
+export function runs() {
+  const found = Object.values(store.runs).sort((one, other) => (one.phase === "ended") - (other.phase === "ended") || other.started - one.started);
+  if (!found.length) return [];
+  return [element("h3", {}, "Runs"), element("ul", { class: "runs" }, ...found.slice(0, 8).map(runItem))];
+}
+
+export function missions() {
+  const found = Object.values(store.missions);
+  if (!found.length) return [];
+  return [element("h3", {}, "Missions"), ...found.map(startForm)];
+}

@@ -1,0 +1,133 @@
+// The pad: a robot moves only while a button or key is held. Ten velocities a second; one zero at the end.
+// It ends at release, when the page loses the focus or is hidden, when the connection closes, when a round
+// trip takes longer than LATE, and at Esc. A pad that ended for a fault has to be pressed anew.
+
+import { element } from "./dom.js";
+import { onClose, onDrove, send, silentFor } from "./store.js";
+
+const EVERY = 100; // ms
+const LATE = 300; // ms for the way to the robot's edge and back
+const SHARE = 0.5; // of the robot's limits, to begin with
+const USUAL = { speed: 0.5, yaw_rate: 0.8, vertical_speed: 0.5 }; // where a robot tells no limit
+const AXES = {
+  forward: ["w", "Forward", "▲", { linear_x: 1 }],
+  back: ["s", "Back", "▼", { linear_x: -1 }],
+  left: ["a", "Turn left", "↺", { angular_z: 1 }],
+  right: ["d", "Turn right", "↻", { angular_z: -1 }],
+  sideways_left: ["q", "Sideways left", "◀", { linear_y: 1 }],
+  sideways_right: ["e", "Sideways right", "▶", { linear_y: -1 }],
+  up: ["r", "Up", "⤒", { linear_z: 1 }],
+  down: ["f", "Down", "⤓", { linear_z: -1 }],
+};
+const held = new Set();
+const open = new Map(); // by number: when it was sent
+let pad = null; // {robot, limits, share, words}
+let timer = 0;
+let number = 0;
+
+function velocity() {
+  const limits = { ...USUAL, ...pad.limits };
+  const most = { linear_x: limits.speed, linear_y: limits.speed, linear_z: limits.vertical_speed, angular_z: limits.yaw_rate };
+  const sum = {};
+  for (const name of held) for (const [axis, sign] of Object.entries(AXES[name][3])) sum[axis] = (sum[axis] || 0) + sign * most[axis] * pad.share;
+  return sum;
+}
+
+function say(words, kind = "") {
+  if (!pad) return;
+  pad.words.textContent = words;
+  pad.words.className = kind;
+}
+
+function turn() {
+  const now = performance.now();
+  for (const sent of open.values()) if (now - sent > LATE) return end(`Ended: no answer within ${LATE} ms. Press again.`, "bad");
+  if (silentFor() > 1000) return end("Ended: the console is silent. Press again.", "bad");
+  number += 1;
+  open.set(number, now);
+  if (!send({ ask: "drive", number, robot: pad.robot, ...velocity() })) end("Ended: there is no connection.", "bad");
+}
+
+function begin(name) {
+  if (!pad || held.has(name)) return;
+  held.add(name);
+  if (!timer) {
+    open.clear();
+    timer = setInterval(turn, EVERY);
+  }
+  turn();
+}
+
+function release(name) {
+  if (!held.delete(name)) return;
+  if (held.size) turn();
+  else end("Hold a button, or W A S D.");
+}
+
+export function end(words = "", kind = "") {
+  if (!timer) return;
+  clearInterval(timer);
+  timer = 0;
+  held.clear();
+  open.clear();
+  if (pad) send({ ask: "drive", number: 0, robot: pad.robot });
+  say(words, kind);
+}
+
+function button(name) {
+  const [key, title, sign] = AXES[name];
+  const made = element("button", { type: "button", class: `axis ${name}`, title: `${title} (${key.toUpperCase()})`, "aria-label": title, "aria-keyshortcuts": key.toUpperCase() }, sign);
+  made.addEventListener("pointerdown", (event) => {
+    if (event.button) return;
+    made.setPointerCapture(event.pointerId);
+    begin(name);
+  });
+  for (const over of ["pointerup", "pointercancel", "lostpointercapture"]) made.addEventListener(over, () => release(name));
+  made.addEventListener("contextmenu", (event) => event.preventDefault());
+  return made;
+}
+
+// The pad of a robot that takes velocities; ``told`` is its description.
+export function padOf(robot, told) {
+  end("");
+  const flies = told.limits?.vertical_speed !== undefined;
+  const names = Object.keys(AXES).filter((name) => flies || !["up", "down"].includes(name));
+  const words = element("p", { role: "status" }, "Hold a button, or W A S D.");
+  const speed = element("input", { type: "range", min: "0.1", max: "1", step: "0.1", value: String(SHARE), "aria-label": "Share of the speed limit" });
+  pad = { robot: robot.id, limits: told.limits || {}, share: SHARE, words };
+  speed.addEventListener("input", () => (pad.share = Number(speed.value)));
+  return element("div", { class: "pad", tabindex: "0", role: "group", "aria-label": "Drive by hand", onkeydown: pressed }, element("div", { class: `axes ${flies ? "flies" : ""}` }, ...names.map(button)), element("label", {}, element("small", {}, "speed"), speed), words);
+}
+
+export function noPad() {
+  end("");
+  pad = null;
+}
+
+const nameOf = (event) => Object.keys(AXES).find((name) => AXES[name][0] === event.key.toLowerCase());
+
+function pressed(event) {
+  const name = nameOf(event);
+  if (!name || event.repeat || event.ctrlKey || event.metaKey || event.altKey || event.target.type === "range") return;
+  event.preventDefault();
+  begin(name);
+}
+
+export function startPad() {
+  window.fleetPage.endPads = () => end("Ended by Esc or a stop.", "");
+  addEventListener("keyup", (event) => {
+    const name = nameOf(event);
+    if (name) release(name);
+  });
+  addEventListener("blur", () => end("Ended: the page lost the focus.", ""));
+  document.addEventListener("visibilitychange", () => document.hidden && end("Ended: the page was hidden.", ""));
+  addEventListener("pagehide", () => end(""));
+  onClose(() => end("Ended: the connection closed. Press again.", "bad"));
+  onDrove((message) => {
+    const sent = open.get(message.number);
+    open.delete(message.number);
+    if (!timer || sent === undefined) return;
+    if (message.status !== "accepted") end(`${message.status}: ${message.reason}`, "bad");
+    else say(`Driving; ${Math.max(1, Math.round(performance.now() - sent))} ms there and back.`, "good");
+  });
+}

@@ -1,0 +1,286 @@
+// The selected robot: what it does and why it cannot, its figures, its commands, and its release.
+
+import { byId, counted, duration, element, figure, healthMark, show, timeOfDay } from "./dom.js";
+import { order } from "./answers.js";
+import { health, healthKey, missions, runs } from "./overview.js";
+import { noPad, padOf } from "./pad.js";
+import { ask, label, onChange, send, staleness, store } from "./store.js";
+import { stoppedRobots } from "./stopview.js";
+
+const HIDDEN = new Set(["release_emergency_stop", "emergency_stop", "join_run", "leave_run"]);
+const operates = () => store.permission !== "view";
+let causes = {};
+let releasing = false;
+let opened = ""; // the command whose form is open
+
+function fact(word, value, extra = "") {
+  return [element("dt", {}, word), element("dd", {}, value, extra ? element("small", {}, ` ${extra}`) : "")];
+}
+
+function position(robot) {
+  const pose = store.poses[robot.id];
+  if (!pose) return "–";
+  return pose.slice(0, 3).map((value) => value.toFixed(2)).join("  ");
+}
+
+function facts(robot) {
+  const yaw = store.poses[robot.id]?.[3];
+  const armed = { true: "armed", false: "disarmed" }[robot.armed] || "";
+  return element(
+    "dl",
+    { class: "facts" },
+    ...fact("Doing", robot.activity || "nothing"),
+    ...fact("Mode", robot.mode || "–", armed),
+    ...fact("Battery", robot.battery === null ? "–" : figure(robot.battery, 0, "%")),
+    ...fact("Speed", figure(robot.speed, 2, "m/s")),
+    ...fact(robot.site ? "Position" : "Own frame", position(robot), "m"),
+    ...fact("Heading", yaw === undefined || yaw === null ? "–" : `${Math.round((yaw * 180) / Math.PI)}°`, "from east"),
+    ...fact("Link", robot.reachable ? "reachable" : "not reachable", robot.age === null ? "never heard" : `heard ${duration(robot.age)} ago`),
+    ...fact("Last command", robot.last_command ? `${robot.last_command}: ${robot.last_outcome}` : "–"),
+    ...(robot.separation ? fact("Separation", robot.separation) : []),
+    ...(robot.run ? fact("In run", robot.run) : []),
+  );
+}
+
+function trouble(robot) {
+  const found = [];
+  const old = staleness(robot);
+  if (old) found.push(`Unknown: ${old}.`);
+  if (robot.cause) found.push(robot.cause);
+  return found.map((text) => element("p", { class: `cause ${robot.health}` }, text));
+}
+
+function field(parameter) {
+  const bounds = [];
+  if (parameter.least !== undefined) bounds.push(`from ${parameter.least}`);
+  if (parameter.most !== undefined) bounds.push(`to ${parameter.most}`);
+  const numeric = parameter.type === "number" || parameter.type === "whole number";
+  const input = element("input", {
+    name: parameter.name,
+    type: numeric ? "number" : "text",
+    step: parameter.type === "number" ? "any" : undefined,
+    min: parameter.least,
+    max: parameter.most,
+    required: parameter.required,
+    placeholder: parameter.default || (parameter.required ? "" : "left out"),
+  });
+  const told = [parameter.unit, ...bounds].filter(Boolean).join(" ");
+  return element("label", {}, element("span", {}, parameter.name), input, element("small", {}, told || parameter.type));
+}
+
+// The data of a command from its form; what was left empty is left out.
+function dataOf(form, command) {
+  const data = {};
+  for (const parameter of command.parameters || []) {
+    const text = form.elements[parameter.name].value.trim();
+    if (text === "") continue;
+    try {
+      data[parameter.name] = parameter.type === "text" ? text : JSON.parse(text);
+    } catch {
+      data[parameter.name] = text;
+    }
+  }
+  return data;
+}
+
+function sendCommand(robot, command, data) {
+  const told = Object.entries(data).map(([name, value]) => `${name}=${value}`);
+  order({ ask: "command", robot: robot.id, command: command.name, data }, [label(robot), command.name, ...told].join(" "));
+  opened = "";
+  const pane = byId("robot");
+  pane.addEventListener("pointerdown", () => (held = true));
+  for (const end of ["pointerup", "pointercancel"]) {
+    addEventListener(end, () => {
+      held = false;
+      setTimeout(draw); // after the click that follows
+    });
+  }
+  draw();
+}
+
+function commandForm(robot, command) {
+  const form = element("form", { class: "command-form" }, ...(command.parameters || []).map(field));
+  form.append(element("div", { class: "row" }, element("button", { class: "primary" }, `Send ${command.name}`), element("button", { type: "button", class: "plain", onclick: () => { opened = ""; draw(); } }, "Cancel")));
+  form.addEventListener("submit", (event) => {
+    event.preventDefault();
+    sendCommand(robot, command, dataOf(form, command));
+  });
+  return form;
+}
+
+function commandButton(robot, command) {
+  const why = !operates() ? "it needs the permission operate" : command.refusal || "";
+  const plain = !(command.parameters || []).length;
+  return element(
+    "button",
+    {
+      type: "button",
+      class: "command",
+      "aria-disabled": why ? "true" : undefined,
+      title: why ? `Not now: ${why}` : command.summary,
+      onclick: () => {
+        if (why) return;
+        if (plain) sendCommand(robot, command, {});
+        else {
+          opened = command.name;
+          draw();
+        }
+      },
+    },
+    command.name.replaceAll("_", " "),
+    plain ? "" : "…",
+  );
+}
+
+// The commands as a person looks for them: what moves it, what holds it, the rest.
+function kinds(shown) {
+  const holding = new Set(["stop", "hover", "brake"]);
+  const found = [
+    ["Motion", shown.filter((command) => command.moves && !holding.has(command.name))],
+    ["Hold", shown.filter((command) => holding.has(command.name))],
+    ["Other commands", shown.filter((command) => !command.moves && !holding.has(command.name))],
+  ];
+  return found.filter(([, list]) => list.length);
+}
+
+function commands(robot) {
+  const told = store.descriptions[robot.id];
+  if (!told) return [element("p", { class: "dim" }, "What it takes is not known yet.")];
+  const shown = told.commands.filter((command) => !HIDDEN.has(command.name) && (robot.run || command.name !== "take"));
+  const refusals = new Map();
+  for (const command of shown) if (command.refusal) refusals.set(command.refusal, (refusals.get(command.refusal) || 0) + 1);
+  const form = shown.find((command) => command.name === opened);
+  return [
+    ...kinds(shown).map(([heading, list]) =>
+      element("div", {}, element("h3", {}, heading), element("div", { class: "commands" }, ...list.map((command) => commandButton(robot, command)))),
+    ),
+    form ? commandForm(robot, form) : null,
+    ...[...refusals].map(([why, many]) => element("p", { class: "why" }, `${many === shown.length ? "Nothing" : counted(many, "command")} now: ${why}`.replace(/^(\d.*) now/, "$1 not now"))),
+  ];
+}
+
+function release(robots) {
+  const names = robots.length === 1 ? label(robots[0]) : counted(robots.length, "robot");
+  if (!releasing) {
+    const begin = () => {
+      releasing = true;
+      causes = {};
+      ask({ ask: "causes", robots: robots.map((robot) => robot.id) }, (answer) => {
+        causes = answer.causes || {};
+        draw();
+      });
+      draw();
+    };
+    return [element("button", { type: "button", class: "release", disabled: !operates(), onclick: begin }, `Release ${names}…`)];
+  }
+  const items = robots.map((robot) => {
+    const cause = causes[robot.id];
+    const who = cause ? `${cause.by || "somebody"}, ${timeOfDay(cause.at)}: ${cause.why}` : robot.stop_cause || "nobody knows why";
+    return element("li", {}, element("b", {}, label(robot)), ` stopped by ${who}`);
+  });
+  const go = () => {
+    order({ ask: "release", robots: robots.map((robot) => robot.id) }, `release ${names}`);
+    releasing = false;
+    draw();
+  };
+  const stay = () => {
+    releasing = false;
+    draw();
+  };
+  return [
+    element(
+      "div",
+      { class: "confirm", role: "group", "aria-label": "Release" },
+      element("ul", {}, ...items),
+      element("p", {}, "Nothing moves by the release. They stay where they are until somebody asks for more."),
+      element("div", { class: "row" }, element("button", { type: "button", class: "release", onclick: go }, `Release ${names}`), element("button", { type: "button", class: "plain", onclick: stay }, "Keep stopped")),
+    ),
+  ];
+}
+
+function title(robot) {
+  const tags = [robot.simulated ? element("span", { class: "tag sim" }, "SIMULATED") : "", robot.emergency_stop ? element("span", { class: "tag halt" }, "STOPPED") : ""];
+  return [
+    element("div", { class: "head" }, healthMark(staleness(robot) ? "offline" : robot.health), element("h2", {}, label(robot)), ...tags),
+    element("p", { class: "dim" }, `${robot.adapter} on edge ${robot.edge} · ${robot.health}`),
+    ...trouble(robot),
+  ];
+}
+
+function titleOfSeveral(robots) {
+  const names = robots.map((robot) => element("li", {}, healthMark(robot.health), ` ${label(robot)}`));
+  return [
+    element("div", { class: "head" }, element("h2", {}, `${robots.length} robots`)),
+    element("p", { class: "dim" }, "Click on the map to send them there, spread apart."),
+    element("ul", { class: "plain-list" }, ...names),
+  ];
+}
+
+function titleOfNobody() {
+  return [
+    element("div", { class: "head" }, element("h2", {}, "No robot selected")),
+    element("p", { class: "dim" }, "Choose one in the list or on the map. Drag a box to choose several, then click where they shall go."),
+  ];
+}
+
+// The parts of the panel, each drawn anew only when what it shows has changed: a button must not be replaced
+// between the press and the release of the pointer.
+const parts = {};
+function part(name, key, make) {
+  const place = (parts[name] ??= byId("robot").appendChild(element("div", { class: `part ${name}` })));
+  const text = JSON.stringify(key);
+  if (place.dataset.key === text || (held && name !== "figures")) return;
+  place.dataset.key = text;
+  const focused = place.contains(document.activeElement) ? document.activeElement.textContent : "";
+  show(place, make());
+  if (focused) [...place.querySelectorAll("button")].find((button) => button.textContent === focused)?.focus();
+}
+
+let held = false; // the pointer is down on the panel
+
+function draw() {
+  const chosen = [...store.selected].map((id) => store.robots[id]).filter(Boolean);
+  const robot = chosen.length === 1 ? chosen[0] : null;
+  const stopped = chosen.length ? chosen.filter((each) => each.emergency_stop) : stoppedRobots();
+  const told = robot && store.descriptions[robot.id];
+  const names = chosen.map((each) => [each.id, each.health, each.cause, each.emergency_stop, staleness(each)]);
+  const make = robot ? () => title(robot) : chosen.length ? () => titleOfSeveral(chosen) : titleOfNobody;
+  part("title", names, make);
+  part("stopped", [stopped.map((each) => [each.id, each.stop_cause]), releasing, causes, store.permission], () => (stopped.length ? release(stopped) : []));
+  const alone = !chosen.length;
+  part("health", alone && healthKey(), () => (alone ? health() : []));
+  part("runs", alone && [store.runs, store.permission], () => (alone ? runs() : []));
+  part("missions", alone && [store.missions, store.permission], () => (alone ? missions() : []));
+  part("figures", robot && [robot, position(robot), store.poses[robot.id]], () => (robot ? [facts(robot)] : []));
+  const drives = robot && told?.drives && operates() ? told : null;
+  part("driving", drives && [robot.id, drives.limits], () => (drives ? [element("h3", {}, "Drive by hand"), padOf(robot, drives)] : noPad() || []));
+  // While a form is open, nothing that is told replaces what is typed into it.
+  part("asking", robot && [robot.id, opened || told, robot.run, store.permission], () => (robot ? commands(robot) : []));
+}
+
+export function startPanel() {
+  let watched = null;
+  const watch = () => {
+    const wanted = [...store.selected][0] || "";
+    if (wanted !== watched && send({ ask: "watch", robot: wanted })) watched = wanted;
+  };
+  onChange((kinds) => {
+    if (kinds.has("open")) watched = null;
+    if (kinds.has("selection")) {
+      window.fleetPage.endPads();
+      releasing = false;
+      opened = "";
+    }
+    watch();
+    draw();
+  });
+  const pane = byId("robot");
+  pane.addEventListener("pointerdown", () => (held = true));
+  for (const end of ["pointerup", "pointercancel"]) {
+    addEventListener(end, () => {
+      held = false;
+      setTimeout(draw); // after the click that follows
+    });
+  }
+  draw();
+}

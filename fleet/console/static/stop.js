@@ -1,0 +1,120 @@
+// The stop, and what it needs: the session. A plain script that runs before anything else of the page is
+// there, so that a stop works while the page loads. It goes over the WebSocket when that is open, and by POST
+// when it is not, or does not answer. Nothing is shown as taken without an answer of the console.
+"use strict";
+(() => {
+  const TWICE = 700; // ms between two presses of Esc
+  const SECOND_WAY = 250; // ms without an answer after which the second way is taken too
+  const AGAIN = 500; // ms between tries
+  const POST_WITHIN = 6000; // ms
+  const page = (window.fleetPage = {
+    stops: new Map(), // by request: {robots, began, answered, told, tries, error}
+    sendBySocket: () => false, // replaced once the WebSocket is there
+    selected: () => [],
+    changed: () => {}, // replaced by what shows stops
+    endPads: () => {},
+  });
+
+  function headers() {
+    return { "Content-Type": "application/json" };
+  }
+
+  async function openSession() {
+    const token = new URLSearchParams(location.hash.slice(1)).get("token");
+    if (token) {
+      history.replaceState(null, "", location.pathname);
+      const body = JSON.stringify({ token });
+      const answer = await fetch("/api/session", { method: "POST", headers: headers(), body });
+      if (answer.ok) return answer.json();
+      const known = await fetch("/api/session");
+      if (known.ok) return known.json();
+      throw new Error((await answer.json()).error);
+    }
+    const answer = await fetch("/api/session");
+    const told = await answer.json();
+    if (!answer.ok) throw new Error(told.error);
+    return told;
+  }
+  page.session = openSession();
+  page.session.catch(() => {});
+
+  async function post(request, stop) {
+    await page.session.catch(() => {});
+    const body = JSON.stringify({ ask: "stop", request, robots: stop.robots });
+    const signal = AbortSignal.timeout(POST_WITHIN);
+    const answer = await fetch("/api/stop", { method: "POST", headers: headers(), body, signal });
+    const told = await answer.json();
+    if (!answer.ok) throw new Error(told.error);
+    return told;
+  }
+
+  async function follow(request) {
+    const stop = page.stops.get(request);
+    while (stop.told && stop.told.open) {
+      await new Promise((resume) => setTimeout(resume, 200));
+      try {
+        const answer = await fetch(`/api/stops/${encodeURIComponent(request)}`);
+        if (answer.ok) page.answered(request, await answer.json());
+      } catch {
+        return; // the page says that the console is silent
+      }
+    }
+  }
+
+  async function insist(request, stop) {
+    while (!stop.answered) {
+      stop.tries += 1;
+      try {
+        page.answered(request, await post(request, stop));
+        follow(request);
+      } catch (error) {
+        stop.error = error.message || String(error);
+        page.changed();
+        await new Promise((resume) => setTimeout(resume, AGAIN));
+      }
+    }
+  }
+
+  // What a stop became, by whichever way it was told.
+  page.answered = (request, told) => {
+    const stop = page.stops.get(request);
+    if (stop) Object.assign(stop, { answered: true, told, error: "" });
+    page.changed();
+  };
+
+  // Stop robots by their identities; none means every robot.
+  page.stop = (robots) => {
+    page.endPads();
+    const request = crypto.randomUUID();
+    const stop = { robots, began: performance.now(), answered: false, told: null, tries: 0, error: "" };
+    page.stops.set(request, stop);
+    const sent = page.sendBySocket({ ask: "stop", request, robots });
+    setTimeout(() => stop.answered || insist(request, stop), sent ? SECOND_WAY : 0);
+    page.changed();
+    return request;
+  };
+
+  let pressed = -Infinity;
+  addEventListener(
+    "keydown",
+    (event) => {
+      if (event.key !== "Escape" || event.repeat) return;
+      page.endPads();
+      if (event.timeStamp - pressed < TWICE) {
+        pressed = -Infinity;
+        event.preventDefault();
+        page.stop([]);
+      } else {
+        pressed = event.timeStamp;
+      }
+    },
+    true,
+  );
+  addEventListener("click", (event) => {
+    const button = event.target.closest ? event.target.closest("[data-stop]") : null;
+    if (!button) return;
+    const whom = button.dataset.stop === "all" ? [] : page.selected();
+    if (button.dataset.stop === "all" || whom.length) page.stop(whom);
+    else page.changed("Nobody is selected: choose robots in the list, or STOP ALL.");
+  });
+})();

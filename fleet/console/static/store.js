@@ -1,0 +1,185 @@
+// What the console told: robots, edges, poses, goals, stops, descriptions; and the WebSocket that tells it.
+
+const AGAIN = 500; // ms until the WebSocket is opened again
+const PING = 1000; // ms between measurements of the way and back
+export const SILENT = 1000; // ms without a word after which nothing that is shown can be believed
+const TRACK = 400; // points of a track that are kept
+const STEP = 0.05; // m between two points of a track
+
+export const store = {
+  edges: {},
+  robots: {},
+  poses: {},
+  goals: {},
+  descriptions: {},
+  stops: {},
+  missions: {},
+  runs: {},
+  tracks: {},
+  operator: "",
+  permission: "view",
+  version: "",
+  now: 0, // the console's monotonic seconds
+  time: 0, // its Unix seconds
+  heard: -Infinity, // when it was heard last, ms of this page
+  roundTrip: null, // ms
+  selected: new Set(),
+  error: "",
+};
+
+const listeners = new Set();
+const waiting = new Map(); // by request: what takes its answers
+let drove = () => {};
+let closed = () => {};
+let socket = null;
+let pinged = 0;
+let number = 0;
+
+export function onChange(call) {
+  listeners.add(call);
+}
+
+// Tell how velocities are answered, and when the connection closes.
+export function onDrove(call) {
+  drove = call;
+}
+
+export function onClose(call) {
+  closed = call;
+}
+
+export function changed(kinds, message) {
+  for (const call of listeners) call(kinds, message);
+}
+
+function take(message) {
+  store.heard = performance.now();
+  if (message.type === "news") takeNews(message);
+  else if (message.type === "answer") takeAnswer(message);
+  else if (message.type === "pong" && message.number === number) {
+    store.roundTrip = performance.now() - pinged;
+  } else if (message.type === "drove") {
+    drove(message);
+  } else if (message.type === "hello") {
+    Object.assign(store, { operator: message.operator, permission: message.permission, version: message.version });
+    changed(new Set(["hello", "robots"]));
+  }
+}
+
+function takeNews(message) {
+  store.now = message.now;
+  store.time = message.time;
+  const kinds = new Set();
+  for (const kind of ["edges", "robots", "poses", "goals", "descriptions", "stops", "missions", "runs"]) {
+    if (!message[kind]) continue;
+    kinds.add(kind);
+    Object.assign(store[kind], message[kind]);
+  }
+  for (const [id, pose] of Object.entries(message.poses || {})) extend(id, pose);
+  for (const [request, told] of Object.entries(message.stops || {})) window.fleetPage.answered(request, told);
+  if (kinds.size) changed(kinds);
+}
+
+function takeAnswer(message) {
+  if (message.stop) window.fleetPage.answered(message.request, message.stop);
+  const call = waiting.get(message.request);
+  if (call) call(message);
+  else if (message.reason) changed(new Set(["answers"]), message);
+}
+
+function extend(id, pose) {
+  // A track is in one frame: it begins anew when the robot is placed in the site's.
+  if (store.tracks[id]?.placed !== pose[4]) store.tracks[id] = Object.assign([], { placed: pose[4] });
+  const track = store.tracks[id];
+  const last = track[track.length - 1];
+  if (last && Math.hypot(last[0] - pose[0], last[1] - pose[1]) < STEP) return;
+  track.push([pose[0], pose[1]]);
+  if (track.length > TRACK) track.shift();
+}
+
+export function send(message) {
+  if (!socket || socket.readyState !== WebSocket.OPEN) return false;
+  socket.send(JSON.stringify(message));
+  return true;
+}
+
+// Ask for something; ``call`` hears each answer. Returns whether it went out.
+export function ask(message, call) {
+  const request = crypto.randomUUID();
+  waiting.set(request, call);
+  if (waiting.size > 200) waiting.delete(waiting.keys().next().value);
+  return send({ request, ...message });
+}
+
+function connect() {
+  const scheme = location.protocol === "https:" ? "wss" : "ws";
+  socket = new WebSocket(`${scheme}://${location.host}/ws`);
+  socket.onmessage = (event) => take(JSON.parse(event.data));
+  socket.onclose = () => {
+    closed();
+    setTimeout(connect, AGAIN);
+  };
+  socket.onopen = () => changed(new Set(["open"]));
+}
+
+export async function start() {
+  window.fleetPage.sendBySocket = send;
+  window.fleetPage.selected = () => [...store.selected];
+  try {
+    await window.fleetPage.session;
+  } catch (error) {
+    store.error = error.message;
+    changed(new Set(["error"]));
+    return;
+  }
+  connect();
+  setInterval(() => {
+    pinged = performance.now();
+    number += 1;
+    send({ ask: "ping", number });
+  }, PING);
+}
+
+export function silentFor() {
+  return performance.now() - store.heard;
+}
+
+export function select(ids, { add = false } = {}) {
+  if (!add) store.selected.clear();
+  for (const id of ids) {
+    if (add && store.selected.has(id)) store.selected.delete(id);
+    else store.selected.add(id);
+  }
+  changed(new Set(["selection"]));
+}
+
+// Robots, the worst first, then by name with numbers as such.
+const WORST = { fault: 0, degraded: 1, offline: 2, ok: 3 };
+export function ordered() {
+  return Object.values(store.robots).sort(
+    (one, other) =>
+      (WORST[one.health] ?? 0) - (WORST[other.health] ?? 0) ||
+      other.emergency_stop - one.emergency_stop ||
+      one.id.localeCompare(other.id, undefined, { numeric: true }),
+  );
+}
+
+// Why what is known of a robot is old, empty when it is not.
+export function staleness(robot) {
+  const edge = store.edges[robot.edge];
+  if (edge && !edge.alive) return `edge ${robot.edge}: ${edge.problem || "away"}`;
+  const old = store.now - robot.heard;
+  return old > 3 ? `nothing was heard of it for ${Math.round(old)} s` : "";
+}
+
+// The robots that the map shows: those in the site's frame, or, where none is, each in its own.
+export function mapped() {
+  const there = Object.values(store.robots).filter((robot) => store.poses[robot.id]);
+  const placed = there.filter((robot) => store.poses[robot.id][4]);
+  return placed.length ? placed : there;
+}
+
+export function label(robot) {
+  const same = Object.values(store.robots).filter((other) => other.name === robot.name);
+  return same.length > 1 ? robot.id : robot.name;
+}

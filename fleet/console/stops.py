@@ -1,0 +1,252 @@
+"""Emergency stops from the console: asked by every way, followed until the robots are seen to stand.
+
+A stop is asked of the edges on the bus and of their supervisors at once. Each robot shows after how many
+milliseconds its edge said that the stop is set, after how many it was seen to stand, and by which way; a
+robot that did neither is named. A stop waits for no other message, and needs no state of the fleet.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+import secrets
+from collections.abc import Callable, Iterable, Mapping
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+from typing import Any
+
+import msgspec
+
+from fleet.bus import keys
+from fleet.bus.zenoh_session import ZenohSession
+from fleet.clock import Clock
+from fleet.console.fleet_view import FleetView, id_of
+from fleet.host.requests.stop_cause import parameters_of
+from fleet.model.state import RobotState
+from fleet.runtime.decoding import decode_json
+from fleet.supervisor.stop_request import stop_all
+from fleet.wire.stop_outcome import DONE, OPEN, SEEN_WITHIN, stop_outcome
+
+log = logging.getLogger(__name__)
+
+ANSWER_WITHIN = 2.0  # s for an edge to say that the stop is set
+LOOK = 0.05  # s between looks at how the stops go on
+THREADS = 64  # stops that may wait for answers at once; nothing else uses these threads
+NO_ANSWER = "nobody said that its stop is set"
+NOT_SEEN = f"not seen to stand within {SEEN_WITHIN:g} s"
+
+Lanes = Callable[[], Mapping[str, ZenohSession]]
+"""The control sessions that are joined now, by edge."""
+
+
+class StopTarget(msgspec.Struct, frozen=True):
+    """Whom to stop: identities of robots (``edge/robot``); none means every robot of every edge."""
+
+    robots: tuple[str, ...] = ()
+
+    def names_by_edge(self) -> dict[str, list[str]]:
+        """Return the names of the robots by their edge; ``*``: on whichever edge; all: no names."""
+        if not self.robots:
+            return {"*": []}
+        found: dict[str, list[str]] = {}
+        for robot in self.robots:
+            edge, _, name = robot.rpartition("/")
+            found.setdefault(edge or "*", []).append(name)
+        return found
+
+
+class StopRecord:
+    """How one stop goes; ``began`` is monotonic seconds. ``shown`` is what pages are told."""
+
+    def __init__(self, by: str, why: str, target: StopTarget, robots: Iterable[str], began: float) -> None:
+        self.began = began
+        self.open = True
+        self.problems: list[str] = []
+        self._by, self._why, self._target = by, why, target
+        self._robots: dict[str, dict[str, Any]] = {}
+        for robot in robots:
+            self._robot(robot)
+
+    def acknowledge(self, robot: str, now: float, way: str) -> None:
+        """Take that the stop of a robot is set; the first to say so counts."""
+        found = self._robot(robot)
+        if found["acknowledged"] is None:
+            found |= {"acknowledged": _ms(now - self.began), "way": way, "outcome": "set"}
+
+    def see(self, robot: str, outcome: str, now: float) -> None:
+        """Take how the stop of a robot goes by its state."""
+        found = self._robot(robot)
+        found["outcome"] = outcome
+        if outcome == DONE and found["standing"] is None:
+            found["standing"] = _ms(now - self.began)
+
+    def pending(self) -> list[str]:
+        """Return the robots whose stop is set and that are not yet known to stand or to fail."""
+        return [
+            robot
+            for robot, found in self._robots.items()
+            if found["acknowledged"] is not None and (found["outcome"] in OPEN or found["outcome"] == "set")
+        ]
+
+    def close(self) -> None:
+        """End it: who has not answered, or was not seen to stand, is named so."""
+        self.open = False
+        for found in self._robots.values():
+            if found["acknowledged"] is None:
+                found["outcome"] = NO_ANSWER
+            elif found["outcome"] in OPEN or found["outcome"] == "set":
+                found["outcome"] = NOT_SEEN
+
+    def shown(self) -> dict[str, Any]:
+        """Return it for pages."""
+        return {
+            "by": self._by,
+            "why": self._why,
+            "everything": not self._target.robots,
+            "open": self.open,
+            "robots": {robot: dict(found) for robot, found in self._robots.items()},
+            "problems": list(self.problems),
+        }
+
+    def _robot(self, robot: str) -> dict[str, Any]:
+        """Return the entry of a robot."""
+        new = {"acknowledged": None, "standing": None, "way": "", "outcome": "asked"}
+        return self._robots.setdefault(robot, new)
+
+
+class Stops:
+    """Asks for stops and follows them; ``directories`` are those with the supervisors' sockets."""
+
+    def __init__(
+        self, view: FleetView, lanes: Lanes, directories: Callable[[], list[Path]], clock: Clock
+    ) -> None:
+        self._view = view
+        self._lanes = lanes
+        self._directories = directories
+        self._clock = clock
+        self._threads = ThreadPoolExecutor(THREADS, thread_name_prefix="stop")
+        self._tasks: set[asyncio.Task[None]] = set()
+
+    def close(self) -> None:
+        """End the threads; what is asked already is not waited for."""
+        self._threads.shutdown(wait=False, cancel_futures=True)
+
+    async def ask(self, target: StopTarget, by: str, why: str, request: str = "") -> dict[str, Any]:
+        """Stop robots by every way at once; return how it went when each edge has answered or is late.
+
+        A ``request`` that is known already is not asked again: it came by two ways. Following goes on.
+        """
+        request = request or secrets.token_hex(8)
+        known = self._view.get("stops", request)
+        if known is not None:
+            return {"request": request, **known}
+        meant = target.robots or tuple(self._view.states)
+        record = StopRecord(by, why, target, meant, self._clock.monotonic())
+        self._view.take_stop(request, record.shown())
+        parameters = parameters_of(by, why, request)
+        asked = [
+            self._ask_edge(record, lane, edge, names, parameters)
+            for edge, names in target.names_by_edge().items()
+            for lane in self._lanes_to(edge)
+        ]
+        supervised = self._ask_supervisors(record, target, why, request)
+        await asyncio.gather(*asked, supervised)
+        self._view.take_stop(request, record.shown())
+        task = asyncio.create_task(self._follow(record, request), name=f"stop:{request}")
+        self._tasks.add(task)
+        task.add_done_callback(self._tasks.discard)
+        return {"request": request, **record.shown()}
+
+    def _lanes_to(self, edge: str) -> list[ZenohSession]:
+        """Return the sessions by which an edge is reached; all of them for one that is not joined itself."""
+        lanes = self._lanes()
+        return [lanes[edge]] if edge in lanes else list(lanes.values())
+
+    async def _ask_edge(
+        self,
+        record: StopRecord,
+        lane: ZenohSession,
+        edge: str,
+        names: list[str],
+        parameters: Mapping[str, str],
+    ) -> None:
+        """Ask on the stop key of an edge (``*``: of all), and take each answer as it comes."""
+        loop, payload = asyncio.get_running_loop(), msgspec.json.encode(names)
+
+        def acknowledge(key: str, stopped: list[str]) -> None:
+            for name in stopped:
+                record.acknowledge(id_of(key.split("/")[1], name), self._clock.monotonic(), "bus")
+
+        def ask() -> None:
+            for key, data in lane.ask(
+                keys.stop(edge), payload, timeout=ANSWER_WITHIN, parameters=parameters, urgent=True
+            ):
+                stopped = decode_json(data, list[str])
+                loop.call_soon_threadsafe(acknowledge, key, stopped)
+
+        try:
+            await loop.run_in_executor(self._threads, ask)
+        except Exception as error:  # the other ways go on
+            log.exception("the stop on the bus failed")
+            record.problems.append(f"edge {edge}: {error}")
+
+    async def _ask_supervisors(self, record: StopRecord, target: StopTarget, why: str, request: str) -> None:
+        """Ask the supervisors: they stop the robots of an edge that does not hear, or is away."""
+        names = tuple(robot.rpartition("/")[2] for robot in target.robots)
+        loop = asyncio.get_running_loop()
+
+        def ask() -> list[tuple[str, str, bool]]:
+            return [
+                (answer.edge, name, answer.kept)
+                for directory in self._directories()
+                for answer in stop_all(directory, names, why=why, request=request)
+                for name in answer.names
+            ]
+
+        try:
+            for edge, name, kept in await loop.run_in_executor(self._threads, ask):
+                if not kept:
+                    record.acknowledge(id_of(edge, name), self._clock.monotonic(), "supervisor")
+                else:
+                    record.problems.append(f"edge {edge} is away: {name} was halted, its stop is set later")
+        except Exception as error:  # the other ways go on
+            log.exception("the stop by the supervisors failed")
+            record.problems.append(f"supervisors: {error}")
+
+    async def _follow(self, record: StopRecord, request: str) -> None:
+        """Look at the robots' states, made after the stop, until all stand or it takes too long."""
+        end = self._clock.monotonic() + SEEN_WITHIN
+        first: dict[str, float] = {}
+        while (pending := record.pending()) and self._clock.monotonic() < end:
+            states = await asyncio.gather(*(self._state(robot) for robot in pending))
+            now = self._clock.monotonic()
+            for robot, state in zip(pending, states, strict=True):
+                if state is not None:
+                    seen = stop_outcome(state, first.setdefault(robot, state.stamp))
+                    record.see(robot, seen, now)
+                    self._view.take_state(state, now)
+            self._view.take_stop(request, record.shown())
+            await asyncio.sleep(LOOK)
+        record.close()
+        self._view.take_stop(request, record.shown())
+
+    async def _state(self, robot: str) -> RobotState | None:
+        """Ask for the state of a robot as it is now; None without an answer."""
+        edge, _, name = robot.rpartition("/")
+
+        def ask() -> RobotState | None:
+            for lane in self._lanes_to(edge)[:1]:
+                for _, data in lane.ask(keys.state(edge, name), b"", timeout=ANSWER_WITHIN):
+                    return decode_json(data, RobotState)
+            return None
+
+        try:
+            return await asyncio.to_thread(ask)
+        except Exception:
+            log.exception("the state of %s could not be asked", robot)
+            return None
+
+
+def _ms(seconds: float) -> int:
+    """Return whole milliseconds, at least one."""
+    return max(1, round(seconds * 1000))

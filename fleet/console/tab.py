@@ -1,0 +1,223 @@
+"""One open page: a WebSocket that is told what changed, and takes what its operator asks for."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import logging
+from collections.abc import Awaitable, Callable, Coroutine, Mapping
+from typing import TYPE_CHECKING, Any
+
+import msgspec
+from starlette.websockets import WebSocket, WebSocketDisconnect
+
+from fleet.console import commands, missions
+from fleet.console.driving import Driving
+from fleet.console.requests import (
+    Asked,
+    CausesAsked,
+    CommandAsked,
+    DriveAsked,
+    GotoAsked,
+    MissionAsked,
+    PingAsked,
+    ReleaseAsked,
+    Request,
+    RunAsked,
+    StopAsked,
+    WatchAsked,
+    needed_for,
+    read_asked,
+)
+from fleet.console.sessions import Operator
+from fleet.console.stops import StopTarget
+from fleet.errors import FleetError, Refused, WireError
+from fleet.model.command import Reply, ReplyStatus
+from fleet.version import __version__
+
+if TYPE_CHECKING:
+    from fleet.console.hub import Hub
+
+log = logging.getLogger(__name__)
+
+MOST_OPEN = 64  # requests of one page that are under way
+MOST_BAD = 16  # messages that cannot be read, after which a page is closed
+UNREADABLE = 1007  # close code of RFC 6455: data that is not of the agreed form
+TOO_MANY = "too many requests are under way"
+
+Call = Callable[[Any], Awaitable[None]]
+
+
+class Tab:
+    """One page of an operator. ``watched`` is the robot whose description it wants, empty for none."""
+
+    def __init__(self, socket: WebSocket, hub: Hub, operator: Operator) -> None:
+        self.watched = ""
+        self._socket = socket
+        self._hub = hub
+        self._operator = operator
+        self._open: set[asyncio.Task[None]] = set()
+        self._sending = asyncio.Lock()
+        self._driving = Driving(operator.name, hub.edges.lane_to, hub.clock, self._drove)
+        self._calls: Mapping[type[object], Call] = {
+            StopAsked: self._stop,
+            ReleaseAsked: self._command,
+            GotoAsked: self._command,
+            CommandAsked: self._command,
+            CausesAsked: self._causes,
+            MissionAsked: self._mission,
+            RunAsked: self._run,
+        }
+
+    async def run(self) -> None:
+        """Serve the page until it is closed, by either side."""
+        feeding = asyncio.create_task(self._feed(), name="tab:feed")
+        try:
+            await self._listen()
+        except (WebSocketDisconnect, RuntimeError):
+            pass
+        finally:
+            self._driving.end()
+            for task in (feeding, *self._open):
+                task.cancel()
+            await asyncio.gather(feeding, *self._open, return_exceptions=True)
+
+    async def _feed(self) -> None:
+        """Tell the page at each tick what it has not seen yet; a slow page misses ticks, and nothing else."""
+        seen = 0
+        await self._send(self._hello())
+        while True:
+            message, seen = self._hub.news_since(seen)
+            if message:
+                await self._send(message)
+            await self._hub.next_tick()
+
+    def _hello(self) -> bytes:
+        """Return what a page is told first."""
+        told = {
+            "type": "hello",
+            "version": __version__,
+            "operator": self._operator.name,
+            "permission": self._operator.permission.word,
+        }
+        return msgspec.json.encode(told)
+
+    async def _send(self, message: bytes) -> None:
+        """Send one message; waits while the page does not read."""
+        async with self._sending:
+            await self._socket.send_text(message.decode())
+
+    async def _tell(self, request: str, robot: str, told: Mapping[str, object]) -> None:
+        """Answer a request; a page that is gone needs no answer."""
+        with contextlib.suppress(WebSocketDisconnect, RuntimeError):
+            answer = {"type": "answer", "request": request, "robot": robot, **told}
+            await self._send(msgspec.json.encode(answer))
+
+    async def _listen(self) -> None:
+        """Take what the page asks for."""
+        bad = 0
+        while True:
+            message = await self._socket.receive()
+            if message["type"] == "websocket.disconnect":
+                return
+            try:
+                await self._take(read_asked(message.get("text") or message.get("bytes") or b""))
+            except WireError as error:
+                bad += 1
+                await self._tell("", "", {"status": "rejected", "reason": f"it cannot be read: {error}"})
+                if bad >= MOST_BAD:
+                    await self._socket.close(UNREADABLE)
+                    return
+
+    async def _take(self, asked: Asked) -> None:
+        """Begin what is asked, if this operator may ask for it."""
+        if isinstance(asked, PingAsked):
+            await self._send(msgspec.json.encode({"type": "pong", "number": asked.number}))
+            return
+        needed = needed_for(asked)
+        if needed > self._operator.permission:
+            why = f"it needs the permission {needed.word}; yours is {self._operator.permission.word}"
+            await self._tell(getattr(asked, "request", ""), "", {"status": "rejected", "reason": why})
+        elif isinstance(asked, WatchAsked):
+            self.watched = asked.robot
+            self._hub.edges.ask_description(asked.robot)
+        elif isinstance(asked, DriveAsked):
+            self._driving.drive(asked)
+        elif len(self._open) >= MOST_OPEN and not isinstance(asked, StopAsked):
+            await self._tell(asked.request, "", {"status": "rejected", "reason": TOO_MANY})
+        else:
+            self._begin(self._guarded(asked))
+
+    def _drove(self, told: Mapping[str, object]) -> None:
+        """Tell the page how a velocity was answered."""
+        self._begin(self._send(msgspec.json.encode(told)))
+
+    def _begin(self, work: Coroutine[Any, Any, None]) -> None:
+        """Run work beside the listening."""
+        task = asyncio.create_task(work)
+        self._open.add(task)
+        task.add_done_callback(self._open.discard)
+
+    async def _guarded(self, asked: Request) -> None:
+        """Do what is asked; what goes wrong is its answer."""
+        try:
+            await self._calls[type(asked)](asked)
+        except FleetError as error:
+            await self._tell(asked.request, "", commands.refused(error))
+        except Exception as error:
+            log.exception("a request of a page failed")
+            told = {"status": "rejected", "reason": f"the console failed: {error!r}"}
+            await self._tell(asked.request, "", told)
+
+    async def _stop(self, asked: StopAsked) -> None:
+        """Stop robots. It goes on when the page is gone."""
+        stop = self._hub.stop(StopTarget(asked.robots), self._operator, asked.why, asked.request)
+        told = await asyncio.shield(stop)
+        await self._tell(asked.request, "", {"status": "accepted", "stop": told})
+
+    async def _command(self, asked: ReleaseAsked | GotoAsked | CommandAsked) -> None:
+        """Ask robots, all at once, and tell each answer as it comes."""
+        prepared = commands.prepare(asked, self._hub.view)
+        await asyncio.gather(*(self._ask(asked.request, each) for each in prepared))
+
+    async def _ask(self, request: str, prepared: commands.Prepared) -> None:
+        """Ask one robot."""
+        robot = prepared[0]
+        name = f"{robot.edge}/{robot.name}"
+        lane = self._hub.edges.lane_to(robot.edge)
+        if lane is None:
+            raise Refused(f"{name} cannot be asked: no edge is reached")
+        async for reply in commands.send(prepared, lane, self._operator.name, self._hub.clock):
+            await self._tell(request, name, _shown(reply))
+
+    async def _causes(self, asked: CausesAsked) -> None:
+        """Tell who stopped robots."""
+        robots = self._hub.view.named(asked.robots)
+        lanes = list(self._hub.edges.lanes().values())
+        found = await asyncio.to_thread(commands.causes, lanes, robots)
+        await self._tell(asked.request, "", {"status": "accepted", "causes": found})
+
+    async def _mission(self, asked: MissionAsked) -> None:
+        """Start a mission."""
+        lanes = list(self._hub.edges.lanes().values())
+        start = asyncio.to_thread(missions.start, asked, lanes, self._operator.name, self._hub.clock)
+        await self._tell(asked.request, "", await start)
+
+    async def _run(self, asked: RunAsked) -> None:
+        """Control a run."""
+        lanes = list(self._hub.edges.lanes().values())
+        control = asyncio.to_thread(missions.control, asked, lanes, self._operator.name)
+        await self._tell(asked.request, "", await control)
+
+
+def _shown(reply: Reply) -> dict[str, object]:
+    """Return a reply as a page shows it."""
+    return {
+        "command": reply.command,
+        "status": reply.status.value,
+        "reason": reply.reason,
+        "hint": reply.hint,
+        "done": reply.done,
+        "final": reply.done is not None or reply.status is not ReplyStatus.ACCEPTED,
+        "data": reply.data,
+    }

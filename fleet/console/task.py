@@ -1,0 +1,39 @@
+"""What a console is to run: where it listens, which edges it reaches, how its link socket is called."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import msgspec
+
+from fleet.bus.settings import BusSettings
+
+PORT = 8480
+"""The port of a console where nobody says another one."""
+
+
+class ConsoleTask(msgspec.Struct, frozen=True):
+    """One console.
+
+    ``name`` tells it from other consoles of this user. ``port``: on loopback, 0 takes any that is free, and
+    so does a port that is taken, with ``any_port``.
+    ``edges``: those to reach besides, or with ``only`` instead of, all that run on this computer.
+    ``parent``: the process that it ends with, 0 for none.
+    """
+
+    name: str
+    port: int = PORT
+    any_port: bool = False
+    edges: tuple[BusSettings, ...] = ()
+    only: bool = False
+    parent: int = 0
+
+
+def link_socket(directory: Path, name: str) -> Path:
+    """Return the path of the socket on which the console of this name hands out links."""
+    return directory / f"console-{name}.sock"
+
+
+def link_sockets(directory: Path) -> list[Path]:
+    """Return the link sockets of all consoles of this user, also of dead ones."""
+    return sorted(directory.glob("console-*.sock"))

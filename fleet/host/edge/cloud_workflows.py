@@ -1,0 +1,148 @@
+"""Workflows of the cloud that start missions: those that fleet.yaml maps, and no other.
+
+An execution of a workflow is a run of its mission, with the execution's uuid as id, so a repeated request is
+the same run. It carries the source type that fleet.yaml gives the workflow; every robot must accept that for
+missions and for each step. Each robot also judges how old the request is, as it does of a command.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
+from uuid import UUID
+
+from fleet.clock import Clock
+from fleet.cloud.values import CloudMessage
+from fleet.config.missions import Mission
+from fleet.config.schema import WorkflowConfig
+from fleet.errors import Refused
+from fleet.host.edge.start_requests import StartRequests
+from fleet.missions.report import ControlAsk, RunState, StartAsk, ended_state
+from fleet.missions.runs import Runs, check_run_id
+from fleet.missions.state import Head, Member, RunOutcome
+from fleet.missions.store import About
+from fleet.model.command import Transport
+from fleet.model.event import EventKind, EventReport, Requester, Severity
+from fleet.wire.rules import WORKFLOW_CANCEL, WORKFLOW_FINISHED, WORKFLOW_RUN, WORKFLOW_STARTED
+from fleet.wire.topics import Topic
+from fleet.wire.workflows import Ended, WorkflowRequest, decode_workflow, finished, started
+
+ENDS: Mapping[str, Ended] = {
+    RunOutcome.COMPLETED: "success",
+    RunOutcome.WITH_LOSSES: "success",
+    RunOutcome.FAILED: "error",
+    RunOutcome.UNDONE: "error",
+    RunOutcome.UNDO_FAILED: "error",
+    RunOutcome.ABORTED: "canceled",
+    RunOutcome.UNKNOWN: "error",
+}
+"""The end of a run as the end of a workflow's execution; its message has the finer word."""
+
+
+class CloudWorkflows:
+    """The workflows of one edge, by uuid. ``publish`` sends a status: uuid, suffix, payload; any thread."""
+
+    def __init__(
+        self,
+        workflows: Mapping[UUID, WorkflowConfig],
+        missions: Mapping[str, Mission],
+        runs: Runs,
+        starts: StartRequests,
+        *,
+        record: Callable[[str, EventReport], None],
+        clock: Clock,
+    ) -> None:
+        self._workflows = {str(uuid): config for uuid, config in workflows.items()}
+        self._missions, self._runs, self._starts = missions, runs, starts
+        self._record, self._clock = record, clock
+        self.publish: Callable[[str, str, bytes], None] = lambda _uuid, _suffix, _payload: None
+
+    @property
+    def handlers(self) -> Mapping[str, Callable[[Topic, CloudMessage], None]]:
+        """What takes the cloud's messages, by suffix; on the loop. They raise WireError."""
+        return {WORKFLOW_RUN: self._run, WORKFLOW_CANCEL: self._cancel}
+
+    def told(self, state: RunState) -> None:
+        """Publish how a workflow's run has ended; on the loop."""
+        run = self._runs.find(state.run) if state.outcome else None
+        if run is not None and run.about.workflow:
+            self._finish(run.about.workflow, state)
+
+    def _run(self, topic: Topic, message: CloudMessage) -> None:
+        """Start a run, unless it is one that is known."""
+        workflow, asked = topic.twin, decode_workflow(message.payload)
+        config = self._workflows[workflow]
+
+        def made() -> tuple[Mission, StartAsk]:
+            check_run_id(asked.execution)
+            mission = self._missions.get(config.mission)
+            if mission is None:
+                raise Refused(f"there is no mission {config.mission!r}")
+            ask = StartAsk(
+                inputs={**asked.inputs, **config.inputs},
+                run=asked.execution,
+                session_id=_name(workflow, asked),
+                source_type=config.source_type,
+                timestamp=asked.stamp,
+            )
+            return mission, ask
+
+        self._starts.begin(made, Transport.CLOUD, partial(self._began, workflow, asked), workflow=workflow)
+
+    def _began(
+        self,
+        workflow: str,
+        asked: WorkflowRequest,
+        _run: str,
+        _roles: Mapping[str, Sequence[str]],
+        refusal: str,
+    ) -> None:
+        """Say that a run was begun, or had been; or why not. From any thread."""
+        if not refusal:
+            self.publish(workflow, WORKFLOW_STARTED, started(asked.execution))
+            return
+        self._runs.store.ended_run(asked.execution, partial(self._refused, workflow, asked, refusal))
+
+    def _refused(
+        self,
+        workflow: str,
+        asked: WorkflowRequest,
+        refusal: str,
+        ended: tuple[About, Head, list[Member]] | None,
+    ) -> None:
+        """Say why a run was not begun; of one that has ended, say again how it did. From any thread."""
+        if ended is not None and ended[0].workflow == workflow:
+            self._finish(workflow, ended_state(*ended, self._runs.edge))
+            return
+        who = Requester(Transport.CLOUD, _name(workflow, asked), self._workflows[workflow].source_type)
+        mission, now = self._workflows[workflow].mission, self._clock.time()
+        text = f"mission {mission} refused: {refusal}"
+        event = EventReport(now, EventKind.COMMAND, text, Severity.WARNING, who, mission, asked.execution)
+        self._record("", event)
+        self._publish_end(workflow, asked.execution, "error", f"refused: {refusal}")
+
+    def _cancel(self, topic: Topic, message: CloudMessage) -> None:
+        """Abort a run of a workflow; one that has ended, or is another's, is left alone."""
+        asked = decode_workflow(message.payload)
+        run = self._runs.find(asked.execution)
+        if run is not None and run.about.workflow == topic.twin:
+            self._runs.control(run.id, ControlAsk("abort", session_id=_name(topic.twin, asked)))
+
+    def _finish(self, workflow: str, state: RunState) -> None:
+        """Publish how a run ended, with its finer word unless it was completed."""
+        words = f"{state.outcome}: {state.reason}" if state.reason else state.outcome
+        completed = state.outcome == RunOutcome.COMPLETED
+        self._publish_end(workflow, state.run, ENDS[state.outcome], "" if completed else words)
+
+    def _publish_end(self, workflow: str, execution: str, end: Ended, message: str) -> None:
+        """Publish how an execution ended; not of one whose id cannot be part of a topic."""
+        try:
+            check_run_id(execution)
+        except Refused:
+            return
+        self.publish(workflow, WORKFLOW_FINISHED.replace("+", execution), finished(end, message))
+
+
+def _name(workflow: str, asked: WorkflowRequest) -> str:
+    """Return who starts a run, for people and as the session of the request."""
+    return f"workflow {workflow}" + (f" by {asked.by[:40]}" if asked.by else "")

@@ -1,0 +1,54 @@
+"""What the process of a rehearsal is told: the mission, and the robots as they are now.
+
+Nothing of the cloud, of the bus or of the edge's folders is in it.
+"""
+
+from __future__ import annotations
+
+import msgspec
+
+from fleet.host.workers.worker_task import RobotTask
+from fleet.missions.program import Program
+from fleet.missions.rehearsal import RehearsalNote, RehearsalResult
+from fleet.model.geodesy import GeoOrigin
+from fleet.model.place import Place
+from fleet.model.state import RobotState
+
+
+class PlacedRobot(msgspec.Struct, frozen=True):
+    """A robot of the edge: its adapter and config, and its state when the rehearsal was asked for."""
+
+    task: RobotTask
+    state: RobotState
+
+
+class RehearsalTask(msgspec.Struct, frozen=True):
+    """One rehearsal. ``mission`` is the checked model (JSON), of which ``program`` was made.
+
+    ``places`` and ``groups`` are those of fleet.yaml. ``folder``: where relative paths begin. ``way``,
+    ``source_type`` and ``session_id`` are the authority under which the mission would run.
+    """
+
+    name: str
+    mission: str
+    program: Program
+    roles: dict[str, list[str]]
+    robots: tuple[PlacedRobot, ...]
+    places: dict[str, Place]
+    groups: dict[str, list[str]]
+    folder: str
+    site: GeoOrigin | None = None
+    way: str = "bus"
+    source_type: str | None = None
+    session_id: str = ""
+    seed: int = 1
+
+
+class RehearsalLine(msgspec.Struct, frozen=True, omit_defaults=True):
+    """One line of what the process tells: how far it is, what happened, how it ended, or why it cannot."""
+
+    seconds: float = 0.0
+    step: str = ""
+    note: RehearsalNote | None = None
+    result: RehearsalResult | None = None
+    failure: str = ""

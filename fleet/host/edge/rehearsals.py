@@ -1,0 +1,304 @@
+"""The rehearsals of an edge: one at a time, each in a process of its own; and the passes that it keeps.
+
+Only this process writes a pass, after a rehearsal that it started itself, of its own mission, robots and
+configuration: who may operate can ask for a rehearsal, and cannot tell the edge how it went. The file has
+the rights of ``missions.db`` beside it.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import logging
+import os
+import secrets
+import sys
+from asyncio.subprocess import PIPE, STDOUT, Process
+from collections.abc import Callable, Coroutine, Sequence
+from pathlib import Path
+
+import msgspec
+
+from fleet.bus.zenoh_session import Query
+from fleet.clock import Clock
+from fleet.config.load import Loaded
+from fleet.config.missions import Mission
+from fleet.config.places import places_of
+from fleet.errors import Refused
+from fleet.host.edge.rehearsal_task import PlacedRobot, RehearsalLine, RehearsalTask
+from fleet.host.workers.worker_task import RobotTask
+from fleet.missions.filling import Filling
+from fleet.missions.program import Program
+from fleet.missions.rehearsal import (
+    FRESH,
+    Passed,
+    Point,
+    Present,
+    RehearsalAsk,
+    RehearsalNote,
+    RehearsalResult,
+    RehearsalState,
+    digest,
+    program_digest,
+    refusal,
+)
+from fleet.missions.report import StartAsk
+from fleet.model.command import Transport
+from fleet.model.geodesy import GeoOrigin
+from fleet.model.state import RobotState
+from fleet.runtime.decoding import decode_json
+from fleet.spool.state_folder import made
+from fleet.version import __version__
+
+log = logging.getLogger(__name__)
+
+PASSES = "rehearsals.json"
+KEPT = 100
+LARGEST = 1 << 24  # bytes of a line
+UNHEARD = 15.0  # s without a question after which nobody waits for a rehearsal any more
+LOOK = 1.0  # s
+SILENT = 120.0  # s without a word of its process after which that is given up
+COMMAND = (sys.executable, "-P", "-m", "fleet.rehearsal")
+_encode = msgspec.json.Encoder().encode
+
+
+class Rehearsals:
+    """Rehearses missions, and knows which may be started by what was rehearsed.
+
+    ``states`` are the robots of the edge as they are now.
+    """
+
+    def __init__(
+        self,
+        loaded: Loaded,
+        filling: Filling,
+        *,
+        states: Callable[[], Sequence[RobotState]],
+        folder: Path,
+        clock: Clock,
+    ) -> None:
+        self._loaded, self._states = loaded, states
+        self._filling = filling
+        self._clock = clock
+        self._config = config_digest(loaded)
+        self._file = folder / PASSES
+        self._passes = read_passes(self._file)
+        self._now: _UnderWay | None = None
+        filling.rehearsed = self.refusal
+
+    def refusal(
+        self,
+        program: Program,
+        roles: dict[str, list[str]] | None,
+        places: dict[str, Point | None],
+    ) -> str:
+        """Return why a mission may not be started by what was rehearsed; empty when it may."""
+        present = Present(program, self._config, self._clock.time(), places, roles)
+        return refusal(reversed(self._passes), present)
+
+    def begin(self, question: Query, mission: Mission, program: Program, ask: StartAsk) -> None:
+        """Begin a rehearsal, and answer; on the loop."""
+        try:
+            state = self._begun(mission, program, ask)
+        except Refused as error:
+            state = RehearsalState(refusal=str(error))
+        question.reply(_encode(state))
+        question.close()
+
+    def _begun(self, mission: Mission, program: Program, ask: StartAsk) -> RehearsalState:
+        """Begin a rehearsal; raises Refused."""
+        if self._now is not None and not self._now.task.done():
+            raise Refused("another rehearsal is under way", hint="wait for its end")
+        roles = self._filling.fill(mission, program, ask, rehearses=True)
+        states = {state.name: state for state in self._states()}
+        config = self._loaded.config
+        site = config.site.origin
+        task = RehearsalTask(
+            mission.name,
+            mission.config.model_dump_json(by_alias=True, exclude_unset=True),
+            program,
+            roles,
+            tuple(
+                PlacedRobot(_task_of(self._loaded, at), states[robot.name])
+                for at, (robot, _) in enumerate(self._loaded.robots)
+            ),
+            places_of(config.places),
+            {name: list(members) for name, members in config.members.items()},
+            str(self._loaded.folder.absolute()),
+            GeoOrigin(*site) if site else None,
+            Transport.BUS.value,
+            ask.source_type,
+            ask.session_id,
+        )
+        places = {name: place_of(states[name]) for names in roles.values() for name in names}
+        passed = Passed(
+            mission.name,
+            program_digest(program),
+            self._config,
+            roles,
+            {name: place for name, place in places.items() if place is not None},
+            self._clock.time(),
+        )
+        self._now = _UnderWay(secrets.token_hex(4), task, self._clock, lambda: self._keep(passed))
+        return self._now.state(0)
+
+    def look(self, question: Query) -> None:
+        """Answer how a rehearsal goes; on the loop."""
+        try:
+            ask = decode_json(question.payload, RehearsalAsk)
+        except msgspec.DecodeError as error:
+            state = RehearsalState(refusal=str(error))
+        else:
+            known = self._now is not None and self._now.id == ask.id
+            unknown = RehearsalState(refusal=f"there is no rehearsal {ask.id[:40]!a}")
+            state = self._now.state(ask.since) if self._now is not None and known else unknown
+        question.reply(_encode(state))
+        question.close()
+
+    async def _keep(self, passed: Passed) -> None:
+        """Keep a pass, on disk for the next process of this edge."""
+        self._passes = [*self._passes, passed][-KEPT:]
+        try:
+            await asyncio.to_thread(_write, self._file, _encode(self._passes))
+        except OSError as error:
+            log.error("a rehearsal that was passed counts until this edge ends: %s", error)  # noqa: TRY400
+
+
+class _UnderWay:
+    """One rehearsal in its process. ``keep`` is called when it was passed."""
+
+    def __init__(
+        self, id_: str, task: RehearsalTask, clock: Clock, keep: Callable[[], Coroutine[None, None, None]]
+    ) -> None:
+        self.id = id_
+        self._roles = task.roles
+        self._clock = clock
+        self._keep = keep
+        self._asked = clock.monotonic()
+        self._seconds, self._step = 0.0, ""
+        self._notes: list[RehearsalNote] = []
+        self._result: RehearsalResult | None = None
+        self._failure = ""
+        self._words = ""
+        self._stamp = clock.time()
+        self.task = asyncio.get_running_loop().create_task(self._run(_encode(task)), name="rehearsal")
+
+    def state(self, since: int) -> RehearsalState:
+        """Return how it goes; whoever asks waits for it."""
+        self._asked = self._clock.monotonic()
+        notes = tuple(self._notes[since:])
+        return RehearsalState(
+            self.id, "", self._roles, self._seconds, self._step, notes, self._result, self._failure
+        )
+
+    async def _run(self, task: bytes) -> None:
+        """Run the process to its end, or until nobody asks for it."""
+        try:
+            process = await asyncio.create_subprocess_exec(
+                *COMMAND,
+                stdin=PIPE,
+                stdout=PIPE,
+                stderr=STDOUT,
+                limit=LARGEST,
+                start_new_session=True,  # Ctrl-C at the terminal is for the edge, which ends it in order
+                env={**os.environ, "PYTHONHASHSEED": "0"},  # the same again, for the same seed
+            )
+        except OSError as error:
+            self._failure = f"its process cannot be started: {error}"
+            return
+        try:
+            assert process.stdin is not None
+            process.stdin.write(task + b"\n")
+            await self._follow(process)
+        except (OSError, ValueError) as error:
+            self._failure = f"its process cannot be followed: {error}"
+        finally:
+            if process.returncode is None:
+                with contextlib.suppress(ProcessLookupError):
+                    process.kill()
+                await process.wait()
+
+    async def _follow(self, process: Process) -> None:
+        """Take what the process tells."""
+        assert process.stdout is not None
+        reading, heard = asyncio.ensure_future(process.stdout.readline()), self._clock.monotonic()
+        while not self._given_up(heard):
+            await asyncio.wait({reading}, timeout=LOOK)
+            if not reading.done():
+                continue
+            line, heard = reading.result(), self._clock.monotonic()
+            await self._take(line)
+            if not line or self._result is not None or self._failure:
+                return
+            reading = asyncio.ensure_future(process.stdout.readline())
+        reading.cancel()
+
+    def _given_up(self, heard: float) -> bool:
+        """Return whether nobody asks for it any more, or its process has said nothing since ``heard``."""
+        now = self._clock.monotonic()
+        if now - self._asked >= UNHEARD:
+            self._failure = "nobody asked any more how it goes"
+        elif now - heard >= SILENT:
+            self._failure = f"its process said nothing for {SILENT:g} s"
+        return bool(self._failure)
+
+    async def _take(self, data: bytes) -> None:
+        """Take one line; what is none of ours is what the process says when it fails."""
+        try:
+            line = decode_json(data, RehearsalLine)
+        except msgspec.DecodeError:
+            self._words = data.decode(errors="replace").strip() or self._words
+            if not data:
+                self._failure = f"its process ended: {self._words or 'it said nothing'}"
+            return
+        self._seconds, self._step = line.seconds or self._seconds, line.step or self._step
+        self._notes += [line.note] if line.note is not None else []
+        self._failure = line.failure
+        result = line.result
+        if result is not None and result.passed:
+            await self._keep()
+            result = msgspec.structs.replace(result, pass_until=self._stamp + FRESH)
+        self._result = result
+
+
+def place_of(state: RobotState) -> Point | None:
+    """Return where a robot is, in the site's frame, else in its own world; None while nobody knows."""
+    at = state.site or state.position
+    return None if at is None else (at.x, at.y, at.z)
+
+
+def config_digest(loaded: Loaded) -> str:
+    """Return what stands for everything in fleet.yaml that a rehearsal depends on, and for this version."""
+    config = loaded.config
+    places = {name: place.model_dump(mode="json") for name, place in config.places.items()}
+    return digest(__version__, dict(loaded.given), config.site.origin, config.members, places)
+
+
+def _task_of(loaded: Loaded, at: int) -> RobotTask:
+    """Return how a robot is built."""
+    config, plugin = loaded.robots[at]
+    file = str(plugin.file.absolute()) if plugin.file else ""
+    return RobotTask(config.name, plugin.name, file, loaded.given[config.name])
+
+
+def read_passes(path: Path) -> list[Passed]:
+    """Return the passes of an earlier process; none where they cannot be read."""
+    try:
+        return decode_json(path.read_bytes(), list[Passed])
+    except FileNotFoundError:
+        return []
+    except (OSError, msgspec.DecodeError) as error:
+        log.warning("%s cannot be read: missions must be rehearsed again: %s", path, error)
+        return []
+
+
+def _write(path: Path, data: bytes) -> None:
+    """Write the passes, for this user alone; a reader sees all of them or those before. Raises OSError."""
+    made(path.parent)
+    new = path.with_suffix(".new")
+    file = os.open(new, os.O_WRONLY | os.O_CREAT | os.O_TRUNC | os.O_CLOEXEC, 0o600)
+    with os.fdopen(file, "wb") as stream:
+        stream.write(data)
+        stream.flush()
+        os.fsync(stream.fileno())
+    new.replace(path)

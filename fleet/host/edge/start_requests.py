@@ -1,0 +1,83 @@
+"""Starts missions that are asked for: checked on a thread of their own, filled and started on the loop."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from functools import partial
+
+import msgspec
+
+from fleet.config.missions import Mission
+from fleet.config.problems import InvalidConfig
+from fleet.errors import Refused
+from fleet.missions.program import Program
+from fleet.missions.report import StartAsk
+from fleet.missions.runs import Began, Runs
+from fleet.model.command import Transport
+
+log = logging.getLogger(__name__)
+
+Made = Callable[[], tuple[Mission, StartAsk]]
+"""Returns the mission that is meant and what is asked; raises Refused, InvalidConfig, DecodeError."""
+Checked = Callable[[Mission, Program, StartAsk], None]
+"""Goes on with a mission that was checked."""
+
+
+class StartRequests:
+    """Starts the runs of an edge. ``described`` calls back once robots said what they take."""
+
+    def __init__(
+        self,
+        runs: Runs,
+        described: Callable[[Callable[[], None]], None],
+        soon: Callable[[Callable[[], None]], None],
+    ) -> None:
+        self._runs, self._described, self._soon = runs, described, soon
+        self._checker = ThreadPoolExecutor(1, thread_name_prefix="fleet-mission-check")
+
+    def begin(
+        self, made: Made, way: Transport, began: Began, *, workflow: str = "", admitted: bool = False
+    ) -> None:
+        """Check a mission and start it, or show who would fill its roles; from any thread.
+
+        ``began`` hears what came of it, on any thread. The other arguments are those of ``Runs.start``.
+        """
+
+        def start(mission: Mission, program: Program, ask: StartAsk) -> None:
+            if not ask.only_fill:
+                self._runs.start(mission, program, ask, way, began, workflow=workflow, admitted=admitted)
+                return
+            try:
+                began("", self._runs.filling.fill(mission, program, ask), "")
+            except Refused as error:
+                began("", {}, str(error))
+
+        self.check(made, start, began)
+
+    def check(self, made: Made, then: Checked, began: Began) -> None:
+        """Check a mission and go on with it on the loop; ``began`` hears why not. From any thread."""
+        try:
+            self._checker.submit(self._check, made, then, began)
+        except RuntimeError:  # we are closed
+            began("", {}, "the edge ends")
+
+    def close(self) -> None:
+        """Start nothing more; waits for what is being checked."""
+        self._checker.shutdown(cancel_futures=True)
+
+    def _check(self, made: Made, then: Checked, began: Began) -> None:
+        """Check what is to be started; it may take its time, and robots wait for the loop."""
+        try:
+            mission, ask = made()
+            program = mission.program(ask.inputs)
+            if ask.run and not ask.only_fill and self._runs.store.has_ended(ask.run):
+                raise Refused(f"run {ask.run} has ended: a repeat of it is not carried out")  # noqa: TRY301
+        except (Refused, InvalidConfig, msgspec.DecodeError) as error:
+            began("", {}, str(error))
+        except Exception as error:
+            log.exception("a mission could not be checked")
+            began("", {}, f"{type(error).__name__}; the edge's log says why")
+        else:
+            self._soon(partial(self._described, partial(then, mission, program, ask)))

@@ -1,0 +1,341 @@
+"""``mission/command`` of the cloud: the plan of a twin, carried out as a run of a mission.
+
+The run's id is the ``mission_execution_uuid``, so a repeat is the same run. It commands the robot in the name
+of who sent the message: he must be let in to lead the robot, as for a goal. ``mission/status`` tells what
+became of every run in which a robot flies a plan, whoever started it: queued, running with the item that the
+robot is at, and how it ended, with the run's own word in ``message``.
+
+==============  ==========================================================================================
+command         what it does
+==============  ==========================================================================================
+start           starts the run; refused where the robot would refuse the plan, and while a run has the robot
+pause, resume   pauses the run, lets it go on; resume also answers a run that asks whether to go on
+cancel, stop    aborts the run, and stops the robot at once, without waiting for the run
+==============  ==========================================================================================
+
+Without a run of this id (of any, where the message names none), all but ``start`` is for the robot itself.
+"""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from functools import partial
+
+import msgspec
+
+from fleet.bridge.command_replies import RobotPort
+from fleet.clock import Clock
+from fleet.config.missions import Mission, mission_of
+from fleet.errors import WireError
+from fleet.host.edge.start_requests import StartRequests
+from fleet.host.safety.admission import JOIN
+from fleet.host.safety.source_policy import SourcePolicy
+from fleet.missions.plan import PILOT, mission_of_plan
+from fleet.missions.program import Do, Program
+from fleet.missions.report import ControlAsk, RunState, StartAsk, ended_state
+from fleet.missions.run import Run
+from fleet.missions.runs import Runs, check_run_id
+from fleet.missions.state import Head, Member, Phase, RunOutcome
+from fleet.missions.store import About
+from fleet.model.command import Answer, Origin, Reply, ReplyStatus, Request, Transport
+from fleet.model.event import EventKind, EventReport, Requester, Severity
+from fleet.model.navigation import MISSION, ActionState, Control, Navigate
+from fleet.model.report import NavigationReport, Report
+from fleet.wire.databus import decode_report
+from fleet.wire.missions import decode_mission, document_in, run_of
+from fleet.wire.rules import Kind
+from fleet.wire.strict import without_nulls
+
+NEW = 1.0  # s; a run that is older was taken up after a restart of the edge
+STATES: Mapping[str, ActionState] = {
+    RunOutcome.COMPLETED: ActionState.COMPLETED,
+    RunOutcome.WITH_LOSSES: ActionState.COMPLETED,
+    RunOutcome.FAILED: ActionState.FAILED,
+    RunOutcome.UNDONE: ActionState.FAILED,
+    RunOutcome.UNDO_FAILED: ActionState.FAILED,
+    RunOutcome.ABORTED: ActionState.CANCELLED,
+    RunOutcome.UNKNOWN: ActionState.FAILED,
+}
+"""The end of a run as a state of the contract; its ``message`` has the finer word."""
+
+
+class TwinPlans:
+    """The plans of the twins of one edge. All that is by robot has its name as key.
+
+    ``publish`` takes reports, ``max_age`` is how old (s) a start may be, ``record`` writes the history.
+    """
+
+    def __init__(
+        self,
+        runs: Runs,
+        starts: StartRequests,
+        publish: Mapping[str, Callable[[Report], None]],
+        policies: Mapping[str, SourcePolicy],
+        *,
+        max_age: Mapping[str, float],
+        record: Callable[[str, EventReport], None],
+        soon: Callable[[Callable[[], None]], None],
+        clock: Clock,
+    ) -> None:
+        self._runs, self._starts, self._publish, self._policies = runs, starts, publish, policies
+        self._max_age, self._record, self._soon, self._clock = max_age, record, soon, clock
+        self._pilots: dict[str, list[str]] = {}
+        self._items: dict[str, int] = {}
+        self._last: dict[str, tuple[ActionState, str]] = {}
+
+    def port(self, robot: RobotPort) -> RobotPort:
+        """Return a robot as the bridge is to see it."""
+        return _Port(robot, self)
+
+    # -- status ----------------------------------------------------------------------------------------
+
+    def navigates(self, report: NavigationReport) -> None:
+        """Take note of the item that a robot is at; from any thread."""
+        run = run_of(report.action_id)
+        if run in self._last and report.step is not None:
+            self._items[run] = report.step
+
+    def heard(self, sample: bytes) -> None:
+        """Take note of the item that a robot in a worker is at; on the bus's thread."""
+        with contextlib.suppress(WireError):
+            report = decode_report(NavigationReport.channel, sample)
+            if isinstance(report, NavigationReport):
+                self.navigates(report)
+
+    def told(self, state: RunState) -> None:
+        """Publish what is new of a run in which robots fly plans; on the loop."""
+        robots = self._pilots_of(state.run)
+        if not robots:
+            return
+        status = status_of(state)
+        if state.run not in self._last and not state.outcome and state.seconds < NEW:
+            self._say(robots, state.run, (ActionState.QUEUED, ""))
+        if status != self._last.get(state.run):
+            self._say(robots, state.run, status)
+        if state.outcome:
+            for kept in (self._pilots, self._items, self._last):
+                kept.pop(state.run, None)
+
+    def _say(self, robots: Sequence[str], run: str, status: tuple[ActionState, str]) -> None:
+        """Publish a status."""
+        self._last[run] = status
+        state, message = status
+        report = NavigationReport(self._clock.time(), run, state, 0.0, message, self._items.get(run, 0))
+        for robot in robots:
+            self._publish[robot](report)
+
+    def _pilots_of(self, run: str) -> list[str]:
+        """Return the robots of this edge that fly plans in a run."""
+        found = self._pilots.get(run)
+        if found is None:
+            made = self._runs.find(run)
+            found = pilots(made.engine.program, made.engine.robots.members.values()) if made else []
+            self._pilots[run] = found = [robot for robot in found if robot in self._publish]
+        return found
+
+    # -- requests --------------------------------------------------------------------------------------
+
+    def read(self, robot: RobotPort, payload: bytes, direct: Request | None) -> Request | None:
+        """Return what takes a message; ``direct`` is what the robot itself made of it."""
+        try:
+            ask = decode_mission(payload, way=Transport.CLOUD, twin=robot.twin)
+        except WireError:
+            return direct  # which says what is wrong, or stops
+        if not isinstance(ask, Navigate) or direct is None:
+            return direct
+        if isinstance(ask.ask, Control):
+            return Request(partial(self._control, robot, ask, ask.ask, direct), direct.stops, direct.once)
+        start = partial(self._start, robot, ask, document_in(payload), self._clock.monotonic())
+        return Request(start, once=True)
+
+    def _start(
+        self,
+        robot: RobotPort,
+        ask: Navigate,
+        document: dict[str, object],
+        arrived: float,
+        answer: Answer,
+    ) -> None:
+        """Start a run, unless it is one that is known; on the loop."""
+        run, origin = ask.action_id, ask.origin
+        tell = partial(self._began, robot, ask, answer)
+        if self._clock.monotonic() - arrived > self._max_age[robot.name]:
+            tell("", {}, "it waited too long in here: the edge was held up")
+            return
+        refusal = self._policies[robot.name].refusal(origin, navigation=True)
+        if refusal is not None:
+            tell("", {}, refusal)
+            return
+
+        def made() -> tuple[Mission, StartAsk]:
+            check_run_id(run)
+            name = str(document.get("name") or "")
+            start = StartAsk(
+                robots={PILOT: [robot.name]},
+                run=run,
+                session_id=origin.session,
+                source_type=origin.source_type,
+                timestamp=ask.stamp,
+            )
+            return mission_of("plan", mission_of_plan(document, f"the plan {name}")), start
+
+        self._starts.begin(made, Transport.CLOUD, tell, admitted=True)
+
+    def _began(  # noqa: PLR0917 - by position
+        self,
+        robot: RobotPort,
+        ask: Navigate,
+        answer: Answer,
+        run: str,
+        roles: Mapping[str, Sequence[str]],
+        refusal: str,
+    ) -> None:
+        """Answer who asked for a run; from any thread."""
+        if not refusal:
+            self._soon(partial(self._accepted, robot, run, not roles, answer))
+            return
+
+        def looked(ended: tuple[About, Head, list[Member]] | None) -> None:
+            self._soon(partial(self._refused, robot, ask, refusal, ended, answer))
+
+        self._runs.store.ended_run(ask.action_id, looked)
+
+    def _accepted(self, robot: RobotPort, run: str, repeated: bool, answer: Answer) -> None:  # noqa: FBT001 - by position
+        """Say that a run was begun; of one that had been, say again how it is."""
+        answer(Reply(MISSION, ReplyStatus.ACCEPTED))
+        if repeated and run in self._last:
+            self._say([robot.name], run, self._last[run])
+
+    def _refused(
+        self,
+        robot: RobotPort,
+        ask: Navigate,
+        refusal: str,
+        ended: tuple[About, Head, list[Member]] | None,
+        answer: Answer,
+    ) -> None:
+        """Say why a run was not begun; of one that has ended, say again how it did."""
+        run, now = ask.action_id, self._clock.time()
+        if ended is not None:
+            state, message = status_of(ended_state(*ended, self._runs.edge))
+            answer(Reply(MISSION, ReplyStatus.ACCEPTED))
+        else:
+            state, message = ActionState.FAILED, refusal
+            answer(Reply(MISSION, ReplyStatus.REJECTED, refusal))
+            who = Requester(Transport.CLOUD, ask.origin.session, ask.origin.source_type)
+            text = f"mission refused: {refusal}"
+            event = EventReport(now, EventKind.COMMAND, text, Severity.WARNING, who, MISSION, run)
+            self._record(robot.name, event)
+        self._publish[robot.name](NavigationReport(now, run, state, 0.0, message, 0))
+
+    def _control(
+        self, robot: RobotPort, ask: Navigate, control: Control, direct: Request, answer: Answer
+    ) -> None:
+        """Control the run that is meant, or else the robot itself; on the loop."""
+        run = self._run_of(robot.name, ask.action_id)
+        if run is None:
+            direct(answer)
+            return
+        by, told = ask.origin.session, partial(_answer_for_mission, answer)
+        if control is Control.STOP:
+            self._runs.control(run.id, ControlAsk("abort", session_id=by))
+            self._ask(robot, {"command": "stop"}, ask, told)
+        elif control is Control.PAUSE:
+            told(_reply(self._runs.control(run.id, ControlAsk("pause", session_id=by))))
+        else:
+            # The robot judges who resumes it, and how old that is, as it does when a run takes it.
+            joins: dict[str, object] = {"command": JOIN, "data": {"run": run.id}}
+            self._ask(robot, joins, ask, partial(self._resume, run, by, told))
+
+    def _resume(self, run: Run, by: str, told: Answer, reply: Reply) -> None:
+        """Let a run go on that the robot may go on with."""
+        if not (reply.ok and reply.done):
+            if reply.done is not None or not reply.ok:
+                told(reply)
+            return
+        question = run.engine.head.question
+        asked = ControlAsk("resume", session_id=by)
+        if question is not None:
+            asked = ControlAsk("answer", question.id, goes_on=True, session_id=by)
+        told(_reply(self._runs.control(run.id, asked)))
+
+    def _ask(self, robot: RobotPort, message: dict[str, object], ask: Navigate, answer: Answer) -> None:
+        """Ask a robot something in the words of who sent a message."""
+        origin: Origin = ask.origin
+        sender = {"session_id": origin.session, "source_type": origin.source_type, "timestamp": ask.stamp}
+        payload = msgspec.json.encode(message | without_nulls(sender))
+        request = robot.read("command", payload, way=origin.way, waits=True)
+        if request is not None:
+            request(answer)
+
+    def _run_of(self, robot: str, execution: str) -> Run | None:
+        """Return the run that a control is meant for: the cloud's, of this twin's plan."""
+        for run in self._runs.all():
+            plan = run.about.way == Transport.CLOUD and not run.about.workflow
+            if plan and robot in run.engine.robots.members and execution in ("", run.id):
+                return self._runs.find(run.id)
+        return None
+
+
+class _Port:
+    """A robot as the bridge sees it, whose plans run as missions."""
+
+    def __init__(self, robot: RobotPort, plans: TwinPlans) -> None:
+        self.name, self.twin = robot.name, robot.twin
+        self.source_type, self.legacy_status = robot.source_type, robot.legacy_status
+        self._robot = robot
+        self._plans = plans
+
+    def read(
+        self,
+        kind: Kind,
+        payload: bytes,
+        *,
+        way: Transport,
+        request_id: str = "",
+        waits: bool = False,
+        unread: str = "",
+    ) -> Request | None:
+        """Read a message, from any thread; an emergency stop is made there and then."""
+        asked = self._robot.read(kind, payload, way=way, request_id=request_id, waits=waits, unread=unread)
+        if kind != "mission" or unread:
+            return asked
+        return self._plans.read(self._robot, payload, asked)
+
+
+def status_of(state: RunState) -> tuple[ActionState, str]:
+    """Return a run as a state of the contract, with its finer word."""
+    if state.outcome:
+        reason = f": {state.reason}" if state.reason else ""
+        return STATES[state.outcome], f"{state.outcome}{reason}"
+    if state.question is not None:
+        return ActionState.RUNNING, f"asks: {state.question.text}"
+    return ActionState.RUNNING, "paused" if state.phase == Phase.PAUSED else ""
+
+
+def pilots(program: Program, members: Iterable[Member]) -> list[str]:
+    """Return the robots that fly a plan from their memory in a program."""
+    found = []
+    for member in members:
+        acts = (
+            act
+            for step in program.steps
+            if isinstance(step, Do)
+            for act in step.acts.get(member.role) or step.acts.get("all") or ()
+        )
+        if any(act.verb == "plan" for act in acts):
+            found.append(member.robot)
+    return found
+
+
+def _reply(refusal: str) -> Reply:
+    """Return the answer to a control."""
+    if refusal:
+        return Reply(MISSION, ReplyStatus.REJECTED, refusal)
+    return Reply(MISSION, ReplyStatus.ACCEPTED, done=True)
+
+
+def _answer_for_mission(answer: Answer, reply: Reply) -> None:
+    """Answer a message for a mission that was carried out as something else."""
+    answer(msgspec.structs.replace(reply, command=MISSION))

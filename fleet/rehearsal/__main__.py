@@ -1,0 +1,54 @@
+"""``python -m fleet.rehearsal``: one rehearsal, as the edge starts it.
+
+Reads a ``RehearsalTask``, one line of JSON, and writes ``RehearsalLine`` lines, the last with the result or
+the failure. Ends when its standard input does: then nobody waits for it. It joins no bus and keeps nothing
+on the disk.
+"""
+
+from __future__ import annotations
+
+import logging
+import os
+import sys
+import threading
+
+import msgspec
+
+from fleet.host.edge.rehearsal_task import RehearsalLine, RehearsalTask
+from fleet.rehearsal.rehearsal import rehearse
+from fleet.runtime.decoding import decode_json
+
+NICE = 10  # robots come first
+_encode = msgspec.json.Encoder().encode
+
+
+def tell(line: RehearsalLine) -> None:
+    """Write a line."""
+    sys.stdout.buffer.write(_encode(line) + b"\n")
+    sys.stdout.buffer.flush()
+
+
+def _end_with_stdin() -> None:
+    """Wait for the end of standard input, and leave at once."""
+    while os.read(sys.stdin.fileno(), 4096):
+        pass
+    os._exit(1)
+
+
+def main() -> int:
+    """Carry out the rehearsal of standard input."""
+    os.nice(NICE)
+    logging.basicConfig(level=logging.ERROR, stream=sys.stderr)
+    try:
+        task = decode_json(sys.stdin.buffer.readline(), RehearsalTask)
+    except msgspec.DecodeError as error:
+        tell(RehearsalLine(failure=f"the task cannot be read: {error}"))
+        return 1
+    threading.Thread(target=_end_with_stdin, daemon=True).start()
+    os.environ["XDG_STATE_HOME"] = os.environ["XDG_CACHE_HOME"] = os.devnull  # no folder can be made there
+    tell(rehearse(task, tell))
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

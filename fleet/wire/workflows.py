@@ -1,0 +1,68 @@
+"""Executions of a workflow on the edge: what the cloud asks, and what it is told, in the SDK's form.
+
+Topics: ``workflow/{uuid}/run`` and ``/cancel`` (``cyberwave.workers.hooks``), ``execution/started`` and
+``execution/{execution}/finished`` (``cyberwave.workflow_executions``).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from datetime import UTC, datetime
+from typing import Any, Literal
+
+import msgspec
+
+from fleet.errors import WireError
+from fleet.wire.encoding import encode_finite
+from fleet.wire.envelope import optional_word, seconds_of
+from fleet.wire.strict import child, finite, parse_object, text, without_nulls
+
+LARGEST = 64 * 1024  # bytes
+Ended = Literal["success", "error", "canceled"]
+
+
+class WorkflowRequest(msgspec.Struct, frozen=True):
+    """What is asked of a workflow: an execution to begin with ``inputs``, or to cancel.
+
+    ``stamp`` is when it was asked for (Unix s), None where that is not said; ``by`` is the asker's uuid.
+    """
+
+    execution: str
+    inputs: Mapping[str, Any] = {}
+    stamp: float | None = None
+    by: str = ""
+
+
+def decode_workflow(payload: bytes) -> WorkflowRequest:
+    """Return what is asked; raises WireError."""
+    message = without_nulls(parse_object(payload, limit=LARGEST))
+    return WorkflowRequest(
+        text(message, "execution_uuid"),
+        child(message, "inputs") if "inputs" in message else {},
+        _stamp(message.get("requested_at")),
+        optional_word(message, "requested_by_uuid") or "",
+    )
+
+
+def started(execution: str) -> bytes:
+    """Return that an execution has begun; the cloud repeats its request until it hears of that."""
+    return encode_finite({"execution_uuid": execution, "source_type": "edge"})
+
+
+def finished(status: Ended, message: str) -> bytes:
+    """Return how an execution ended; ``message`` is empty where there is nothing to say of it."""
+    told = {"status": status, "error_message": message or None, "source_type": "edge"}
+    return encode_finite(without_nulls(told))
+
+
+def _stamp(given: object) -> float | None:
+    """Return a time as Unix seconds: a number, or a date and time of ISO 8601; without a zone it is UTC."""
+    if given is None:
+        return None
+    if isinstance(given, str):
+        try:
+            moment = datetime.fromisoformat(given)
+        except ValueError:
+            raise WireError(f"{given[:40]!a} is no date and time", where="requested_at") from None
+        return (moment if moment.tzinfo else moment.replace(tzinfo=UTC)).timestamp()
+    return seconds_of(finite(given, "requested_at"))

@@ -1,0 +1,186 @@
+"""A console that serves, with edges that are played."""
+
+import asyncio
+import contextlib
+import http.client
+import json
+import shutil
+import socket
+import tempfile
+from pathlib import Path
+
+import pytest
+from websockets.sync.client import connect
+
+from fleet.console.links import LinkAsked, ask_link
+from fleet.console.program import serve
+from fleet.console.sessions import Permission
+from fleet.console.task import ConsoleTask, link_socket
+from fleet.runtime.event_loop import BackgroundLoop
+from fleet.testing.waiting import DEADLINE, wait_until
+
+
+@pytest.fixture(scope="module")
+def runtime():
+    """Make a folder for the sockets of edges and consoles, and let all look there."""
+    path = Path(tempfile.mkdtemp(prefix="fc"))
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("FLEET_RUNTIME_DIR", str(path))
+        yield path
+    shutil.rmtree(path)
+
+
+class Page:
+    """One page of a browser without the browser: its WebSocket, and what it was told."""
+
+    def __init__(self, socket):
+        self.socket = socket
+        self.answers = []
+        self.entries = {}
+
+    def ask(self, ask, **fields):
+        """Ask for something."""
+        self.socket.send(json.dumps({"ask": ask, **fields}))
+
+    def _take(self):
+        message = json.loads(self.socket.recv(timeout=DEADLINE))
+        if message["type"] == "answer":
+            self.answers.append(message)
+        for kind, entries in message.items():
+            if isinstance(entries, dict):
+                self.entries.setdefault(kind, {}).update(entries)
+        return message
+
+    def told(self, kind, name, holds=bool):
+        """Read until an entry is so."""
+        while not (name in self.entries.get(kind, {}) and holds(self.entries[kind][name])):
+            self._take()
+        return self.entries[kind][name]
+
+    def answer(self, request, *, final=False):
+        """Read until a request is answered."""
+        while True:
+            for message in self.answers:
+                if message["request"] == request and (not final or message.get("final")):
+                    return message
+            self._take()
+
+    def next(self, kind):
+        """Read the next message of a type."""
+        while (message := self._take())["type"] != kind:
+            pass
+        return message
+
+
+class Console:
+    """A console on a thread of its own, and the ways to it."""
+
+    def __init__(self, runtime, name="test", port=0, **task):
+        self._loop = BackgroundLoop(f"console:{name}")
+        self._runtime, self._task = runtime, ConsoleTask(name, port, **task)
+        self._stack = contextlib.ExitStack()
+        self._cookies = {}
+
+    def __enter__(self):
+        self._stack.enter_context(self._loop)
+        self._ended = self._loop.call(asyncio.Event)
+
+        async def begin():
+            return asyncio.create_task(serve(self._task, self._runtime, self._ended))
+
+        self._serving = self._loop.complete(begin())
+        link = wait_until("the console", self.link)
+        self.base = link.partition("/#")[0]
+        self.port = int(self.base.rpartition(":")[2])
+        return self
+
+    def __exit__(self, *_):
+        async def end():
+            self._ended.set()
+            await self._serving
+
+        self._loop.complete(end())
+        self._stack.close()
+
+    def link(self, permission=Permission.ADMIN, operator="anna"):
+        """Ask for a new link."""
+        given = ask_link(link_socket(self._runtime, self._task.name), LinkAsked(operator, permission))
+        return given.link if given else None
+
+    def token(self, permission=Permission.ADMIN):
+        """Ask for the token of a new link."""
+        return self.link(permission).partition("token=")[2]
+
+    def request(self, method, path, *, body=None, **headers):
+        """Send a request; returns status, headers and body."""
+        connection = http.client.HTTPConnection("127.0.0.1", self.port, timeout=DEADLINE)
+        with contextlib.closing(connection):
+            connection.putrequest(method, path, skip_host="host" in headers, skip_accept_encoding=True)
+            for name, value in headers.items():
+                if value is not None:
+                    connection.putheader(name.replace("_", "-"), value)
+            connection.endheaders(body)
+            answer = connection.getresponse()
+            return answer.status, answer.headers, answer.read()
+
+    def post(self, path, told, **headers):
+        """Send JSON as a page of the console does."""
+        body = told if isinstance(told, bytes) else json.dumps(told).encode()
+        usual = {"origin": self.base, "content_type": "application/json", "content_length": str(len(body))}
+        return self.request("POST", path, body=body, **(usual | headers))
+
+    def cookie(self, permission=Permission.ADMIN):
+        """Return the cookie of a session; the same for each permission."""
+        if permission not in self._cookies:
+            status, headers, _ = self.post("/api/session", {"token": self.token(permission)})
+            assert status == 200
+            self._cookies[permission] = headers["set-cookie"].partition(";")[0]
+        return self._cookies[permission]
+
+    @contextlib.contextmanager
+    def page(self, permission=Permission.ADMIN):
+        """Open a page."""
+        headers = {"Cookie": self.cookie(permission)}
+        with connect(
+            f"ws://127.0.0.1:{self.port}/ws", origin=self.base, additional_headers=headers
+        ) as opened:
+            yield Page(opened)
+
+    def raw(self, text):
+        """Send a request as it is; return the first line of the answer, empty without one."""
+        with (
+            contextlib.suppress(OSError),
+            socket.create_connection(("127.0.0.1", self.port), timeout=DEADLINE) as sock,
+        ):
+            sock.sendall(text.encode())
+            sock.shutdown(socket.SHUT_WR)
+            with sock.makefile("rb") as answer:
+                return answer.readline().decode()
+        return ""
+
+
+@pytest.fixture(scope="module")
+def console(runtime):
+    """Serve a console for the tests of a module."""
+    with Console(runtime) as served:
+        yield served
+
+
+@pytest.fixture(scope="module")
+def play_edge(runtime, module_at):
+    """Play an edge, as many as needed."""
+    played_edge = module_at("fleet/cli/conftest.py").PlayedEdge
+    with contextlib.ExitStack() as stack:
+
+        def play_edge(edge, *, robots=None, groups=None, **settings):
+            played = played_edge(runtime, edge, robots or {}, groups or {}, settings)
+            stack.callback(played.bus.close)
+            return played
+
+        yield play_edge
+
+
+@pytest.fixture(scope="session")
+def serve_console():
+    """Serve a console of one's own."""
+    return Console

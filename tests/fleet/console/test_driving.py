@@ -1,0 +1,78 @@
+"""One page's pad on the server's side: a page that goes leaves nothing moving."""
+
+import json
+
+import pytest
+
+from fleet.console.sessions import Permission
+from fleet.model.command import Reply, ReplyStatus
+from fleet.testing.waiting import wait_until
+
+
+@pytest.fixture(scope="module")
+def yard(play_edge, console):
+    yard = play_edge("yard-1", robots={"rex": {}, "beast": {}, "deaf": {}})
+    with console.page() as page:
+        for name in ("rex", "beast", "deaf"):
+            page.told("robots", f"yard-1/{name}")
+    return yard
+
+
+def told(asked):
+    return [json.loads(each.payload) for each in list(asked)]
+
+
+@pytest.fixture(scope="module")
+def asked(yard):
+    taken = Reply("motion", ReplyStatus.ACCEPTED)
+    return {name: yard.answers(name, taken) for name in ("rex", "beast")}
+
+
+def test_a_velocity_is_passed_on_by_the_operators_name_and_answered_with_its_number(console, asked):
+    with console.page(Permission.OPERATE) as page:
+        page.ask("drive", number=7, robot="yard-1/rex", linear_x=0.5, angular_z=-0.2)
+        assert page.next("drove") == {"type": "drove", "number": 7, "status": "accepted", "reason": ""}
+    message = told(asked["rex"])[0]
+    assert (message["linear_x"], message["angular_z"], message["session_id"]) == (0.5, -0.2, "anna")
+    assert asked["rex"][0].parameters["kind"] == "motion"
+
+
+def test_a_page_that_closes_while_it_drives_ends_the_motion(console, asked):
+    with console.page() as page:
+        page.ask("drive", number=1, robot="yard-1/rex", linear_x=0.5)
+        page.next("drove")
+    wait_until("the zero", lambda: told(asked["rex"])[-1]["linear_x"] == 0.0)
+
+
+def test_a_page_that_drives_nobody_sends_nothing_when_it_closes(console, asked):
+    with console.page() as page:
+        page.ask("drive", number=1, robot="yard-1/rex")
+        page.next("drove")
+        before = len(asked["rex"])
+    with console.page() as page:
+        page.ask("ping", number=1)
+        page.next("pong")
+    assert len(asked["rex"]) == before
+
+
+def test_driving_another_robot_ends_the_motion_of_the_one_before(console, asked):
+    with console.page() as page:
+        page.ask("drive", number=1, robot="yard-1/rex", linear_x=0.5)
+        page.ask("drive", number=2, robot="yard-1/beast", linear_x=0.5)
+        wait_until("both", lambda: told(asked["beast"]))
+        wait_until("the zero", lambda: told(asked["rex"])[-1]["linear_x"] == 0.0)
+
+
+@pytest.mark.parametrize("value", ["1e9", "NaN", '"fast"', "null"])
+def test_a_velocity_that_is_none_is_refused(console, asked, value):
+    with console.page() as page:
+        page.socket.send(f'{{"ask": "drive", "number": 1, "robot": "yard-1/rex", "linear_x": {value}}}')
+        assert page.next("answer")["reason"].startswith("it cannot be read")
+
+
+def test_who_may_only_view_drives_nobody(console, asked):
+    before = len(asked["rex"])
+    with console.page(Permission.VIEW) as page:
+        page.ask("drive", number=1, robot="yard-1/rex", linear_x=0.5)
+        assert "it needs the permission operate" in page.next("answer")["reason"]
+    assert len(asked["rex"]) == before

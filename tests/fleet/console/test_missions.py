@@ -1,0 +1,92 @@
+"""Missions from a page: shown with their runs, started and controlled by the operator's name."""
+
+import msgspec
+import pytest
+
+from fleet.console.sessions import Permission
+from fleet.missions.report import AskedNow, Controlled, MissionState, RunRobot, RunState, Started
+
+RUN = RunState(
+    "3f2a",
+    "yard-1",
+    "patrol",
+    "asking",
+    "look",
+    5.0,
+    question=AskedNow(2, "Is the gate open?", 30.0, "abort"),
+    robots=(RunRobot("rex", "feet", "goto"),),
+)
+
+
+class PlayedMissions:
+    """The missions and the run of a played edge, and what it was asked for them."""
+
+    def __init__(self, yard):
+        self.asked = []
+        self.answers = {"patrol": Started("3f2a", {"feet": ["rex"]}), "3f2a": Controlled()}
+        yard.bus.control.answer("fleet/yard-1/missions/patrol", self._take)
+        yard.bus.control.answer("fleet/yard-1/runs/3f2a", self._take)
+
+    def _take(self, question):
+        name = question.key.rpartition("/")[2]
+        shown = {"patrol": MissionState("patrol", "yard-1", "Go round."), "3f2a": RUN}[name]
+        if question.payload:
+            self.asked.append((name, msgspec.json.decode(question.payload), question.parameters.get("do")))
+            shown = self.answers[name]
+        question.reply(msgspec.json.encode(shown))
+        question.close()
+
+
+@pytest.fixture(scope="module")
+def missions(play_edge, console):
+    missions = PlayedMissions(play_edge("yard-1", robots={"rex": {"health": "ok"}}))
+    with console.page() as page:
+        assert page.told("missions", "yard-1/patrol")["summary"] == "Go round."
+        assert page.told("runs", "yard-1/3f2a")["question"]["text"] == "Is the gate open?"
+    return missions
+
+
+def test_a_mission_is_started_by_the_operators_name(console, missions):
+    with console.page(Permission.OPERATE) as page:
+        page.ask("mission", request="r", edge="yard-1", name="patrol", inputs={"height": 5})
+        answer = page.answer("r")
+    assert (answer["status"], answer["reason"]) == ("accepted", "run 3f2a with rex")
+    name, asked, do = missions.asked[-1]
+    assert (name, do, asked["inputs"], asked["session_id"]) == ("patrol", "start", {"height": 5}, "anna")
+    assert asked["timestamp"] > 1e9
+
+
+def test_a_question_is_answered(console, missions):
+    with console.page() as page:
+        page.ask("run", request="r", edge="yard-1", run="3f2a", do="answer", question=2, goes_on=True)
+        assert page.answer("r")["status"] == "accepted"
+    assert missions.asked[-1][1] == {"do": "answer", "question": 2, "goes_on": True, "session_id": "anna"}
+
+
+def test_what_the_edge_refuses_is_told_with_its_reason_and_hint(console, missions, monkeypatch):
+    monkeypatch.setitem(missions.answers, "patrol", Started(refusal="rex is stopped", hint="release it"))
+    with console.page() as page:
+        page.ask("mission", request="r", edge="yard-1", name="patrol")
+        answer = page.answer("r")
+    assert (answer["status"], answer["reason"], answer["hint"]) == (
+        "rejected",
+        "rex is stopped",
+        "release it",
+    )
+
+
+def test_a_run_that_nobody_knows_is_told_so(console, missions):
+    with console.page() as page:
+        page.ask("run", request="r", edge="yard-1", run="none", do="abort")
+        assert page.answer("r")["reason"] == "no edge answers on fleet/yard-1/runs/none"
+
+
+@pytest.mark.parametrize(
+    "ask", [{"ask": "mission", "name": "patrol"}, {"ask": "run", "run": "3f2a", "do": "abort"}]
+)
+def test_who_may_only_view_starts_and_aborts_nothing(console, missions, ask):
+    before = len(missions.asked)
+    with console.page(Permission.VIEW) as page:
+        page.ask(**ask, request="r", edge="yard-1")
+        assert "it needs the permission operate" in page.answer("r")["reason"]
+    assert len(missions.asked) == before

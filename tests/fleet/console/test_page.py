@@ -1,0 +1,357 @@
+"""The page in a real browser: what it shows, and the stop that works whatever else does not."""
+
+import contextlib
+import json
+import re
+
+import msgspec
+import pytest
+
+from fleet.console.sessions import Permission
+from fleet.model.command import Reply, ReplyStatus
+from fleet.model.description import CommandDescription, ParameterDescription, RobotDescription
+from fleet.model.geometry import Vector3
+from fleet.model.site import Placement
+from fleet.model.state import RobotState
+from fleet.testing.waiting import wait_until
+
+WAIT = 60_000  # ms; busy computers are slow
+SCRIPT = "<img src=x onerror=window.broken=1>"
+REX, BEAST = "yard-1/rex", "yard-1/beast"
+
+
+@pytest.fixture(scope="module")
+def yard(play_edge):
+    """Play an edge with two placed robots, one whose texts are scripts."""
+    at = Vector3(2.0, 1.0)
+    robots = {
+        "rex": {
+            "health": "ok",
+            "reachable": True,
+            "simulated": True,
+            "site": at,
+            "position": Vector3(),
+            "placement": Placement(at),
+            "twin": "6f0c9a1e-8d2b-4c57-9a39-2f4a1d0b7c11",
+        },
+        "beast": {
+            "health": "fault",
+            "cause": f"{SCRIPT} the left wheel is stuck",
+            "site": Vector3(-3.0, 0.0),
+            "placement": Placement(),
+        },
+    }
+    yard = play_edge("yard-1", robots=robots, groups={SCRIPT: ["rex"], "ground": ["rex", "beast"]})
+    commands = (
+        CommandDescription(
+            "beep", "Sound.", (ParameterDescription("seconds", "number", unit="s", most=3.0),)
+        ),
+        CommandDescription("dock", refusal="the battery is full"),
+    )
+    limits = {"speed": 2.0, "yaw_rate": 1.0}
+    described = RobotDescription("rex", "toy", commands, drives=True, goals=True, limits=limits)
+    yard.tells("fleet/yard-1/robots/rex/description", described)
+    return yard
+
+
+@pytest.fixture(scope="module")
+def browser(program, module_at):
+    """Run one browser for all tests of this module."""
+    with module_at("browser.py").open_page(program("chromium")) as page:
+        yield page.context.browser
+
+
+@pytest.fixture
+def open_page(browser, console, yard):
+    """Open the console in a browser that remembers nothing; an error of the page fails the test."""
+    with contextlib.ExitStack() as stack:
+        errors = []
+
+        def open_page(permission=Permission.ADMIN, prepare=lambda _page: None, *, loads=True, **options):
+            context = browser.new_context(viewport={"width": 1200, "height": 800}, **options)
+            stack.callback(context.close)
+            page = context.new_page()
+            page.set_default_timeout(WAIT)
+            page.on("pageerror", lambda error: errors.append(str(error)))
+            prepare(page)
+            page.goto(console.link(permission), wait_until="load" if loads else "commit")
+            if loads:
+                page.wait_for_selector(row(REX))
+            return page
+
+        yield open_page
+        assert errors == []
+
+
+def row(robot):
+    return f'#robots li[data-id="{robot}"]'
+
+
+def stops_of(yard, request_count):
+    return wait_until("the stop to reach the edge", lambda: yard.stops[request_count:])
+
+
+def shows(page, selector, text):
+    """Wait until a part of the page has a text."""
+    page.locator(selector, has_text=text).wait_for(timeout=WAIT)
+
+
+def words(page):
+    return page.inner_text("#stop-words")
+
+
+def test_the_fleet_is_shown_the_worst_first_and_what_robots_say_is_text(open_page):
+    page = open_page()
+    rows = page.locator("#robots li")
+    assert [rows.nth(n).get_attribute("data-id") for n in range(2)] == [BEAST, REX]
+    assert SCRIPT in rows.nth(0).inner_text()
+    assert "SIM" in rows.nth(1).inner_text()
+    assert "#token" not in page.url
+    assert page.evaluate("window.broken") is None
+
+
+def test_escape_twice_stops_everything_and_shows_who_stands_after_how_long(open_page, yard):
+    page, before = open_page(), len(yard.stops)
+    page.keyboard.press("Escape")
+    page.keyboard.press("Escape")
+    assert stops_of(yard, before) == [[]]
+    shows(page, "#stop-words", "2 seen standing")
+    assert re.search(r"2 of 2 stops set within \d+ ms, 2 seen standing within \d+ ms", words(page))
+
+
+def test_escape_once_and_once_more_a_second_later_stops_nobody(open_page, yard):
+    page, before = open_page(), len(yard.stops)
+    page.keyboard.press("Escape")
+    page.evaluate("new Promise((resume) => setTimeout(resume, 701))")
+    page.keyboard.press("Escape")
+    page.click(row(REX))
+    page.wait_for_selector("button.command")
+    assert yard.stops[before:] == []
+
+
+@pytest.mark.parametrize(("choice", "named"), [("button", ["rex"]), ("group", ["rex", "beast"])])
+def test_one_robot_or_a_group_is_stopped(open_page, yard, choice, named):
+    page, before = open_page(), len(yard.stops)
+    if choice == "button":
+        page.click(row(REX))
+        page.click('[data-stop="selected"]')
+    else:
+        page.select_option("#stop-group", label="ground")
+    assert stops_of(yard, before) == [named]
+
+
+def hang(route):
+    """Never answer."""
+
+
+@pytest.mark.parametrize("missing", ["**/app.js", "**/map.js", "**/style.css"])
+def test_a_stop_from_the_keyboard_works_while_the_page_still_loads(open_page, yard, missing):
+    before = len(yard.stops)
+    page = open_page(prepare=lambda page: page.route(missing, hang), loads=False)
+    page.wait_for_selector("body", state="attached")
+    page.keyboard.press("Escape")
+    page.keyboard.press("Escape")
+    assert stops_of(yard, before) == [[]]
+
+
+def test_a_stop_goes_by_the_second_way_when_the_websocket_does_not_answer(open_page, yard):
+    page, before = open_page(), len(yard.stops)
+    page.evaluate("fleetPage.sendBySocket = () => true")  # as if it were sent, and lost
+    page.click('[data-stop="all"]')
+    assert stops_of(yard, before) == [[]]
+    shows(page, "#stop-words", "stops set")
+
+
+def test_a_console_that_says_nothing_is_shown_as_such_and_a_stop_is_never_shown_as_taken(open_page):
+    muted = []
+
+    def route(socket):
+        server = socket.connect_to_server()
+        socket.on_message(lambda message: None if muted else server.send(message))
+        server.on_message(lambda message: None if muted else socket.send(message))
+
+    page = open_page(prepare=lambda page: page.route_web_socket(re.compile("/ws$"), route))
+    muted.append(True)
+    page.route("**/api/**", lambda route: route.abort())
+    page.wait_for_selector("body.silent #silence")
+    assert "what is shown is old" in page.inner_text("#silence")
+    page.click('[data-stop="all"]')
+    shows(page, "#stop-words", "NOT ANSWERED")
+    assert "fleet stop --all" in words(page)
+
+
+def test_a_click_on_the_map_and_a_confirmation_send_the_selected_robot(open_page, yard):
+    asked = yard.answers(
+        "rex", Reply("navigate", ReplyStatus.ACCEPTED), Reply("navigate", ReplyStatus.ACCEPTED, done=True)
+    )
+    page = open_page()
+    page.mouse.click(*page.evaluate(f"fleetPage.whereIs('{REX}')"))
+    page.wait_for_selector(f'{row(REX)}[aria-selected="true"]')
+    page.mouse.click(*page.evaluate("fleetPage.whereIsPoint(3, 2)"))
+    assert asked == []
+    page.click("#target button.primary")
+    wait_until("the goal to be asked", lambda: asked)
+    message = json.loads(asked[0].payload)
+    assert message["position"] == pytest.approx([1.0, 1.0, 0.0], abs=0.1)
+    assert (message["command"], message["session_id"]) == ("goto", "anna")
+    assert asked[0].parameters["kind"] == "navigate"
+    shows(page, "#answers", "done")
+
+
+def test_a_box_on_the_map_selects_the_robots_in_it(open_page):
+    page = open_page()
+    (x, y), (to_x, to_y) = page.evaluate("[fleetPage.whereIsPoint(-4, 3), fleetPage.whereIsPoint(3, -1)]")
+    page.mouse.move(x, y)
+    page.mouse.down()
+    page.mouse.move(to_x, to_y, steps=4)
+    page.mouse.up()
+    shows(page, "#robot", "2 robots")
+    assert page.locator("#robots [aria-selected=true]").count() == 2
+
+
+def test_buttons_come_from_the_declared_commands_with_units_limits_and_why_not_now(open_page, yard):
+    asked = yard.answers("rex", Reply("beep", ReplyStatus.ACCEPTED, done=True))
+    page = open_page()
+    page.click(row(REX))
+    page.click("text=beep…")
+    field = page.locator(".command-form input")
+    assert (field.get_attribute("max"), page.inner_text(".command-form small")) == ("3", "s to 3")
+    field.fill("2.5")
+    page.click("text=Send beep")
+    wait_until("the command to be asked", lambda: asked)
+    message = json.loads(asked[0].payload)
+    assert (message["command"], message["data"]) == ("beep", {"seconds": 2.5})
+    dock = page.locator("button.command", has_text="dock")
+    assert dock.get_attribute("aria-disabled") == "true"
+    assert "the battery is full" in page.inner_text("#robot .why")
+
+
+def test_a_release_is_an_act_of_its_own_that_shows_who_stopped(open_page, yard):
+    asked = yard.answers("rex", Reply("release_emergency_stop", ReplyStatus.ACCEPTED, done=True))
+    page = open_page()
+    page.click(row(REX))
+    page.click('[data-stop="selected"]')
+    page.wait_for_selector(f"{row(REX)} .tag.halt")
+    page.click("#robot button.release")
+    assert "stopped by" in page.inner_text("#robot .confirm")
+    assert asked == []
+    page.click("#robot .confirm button.release")
+    wait_until("the release to be asked", lambda: asked)
+    assert json.loads(asked[0].payload)["command"] == "release_emergency_stop"
+
+
+def test_who_may_only_view_is_offered_nothing_that_moves_and_may_stop(open_page, yard):
+    page, before = open_page(Permission.VIEW), len(yard.stops)
+    page.click(row(REX))
+    page.wait_for_selector("button.command")
+    assert page.locator("button.command:not([aria-disabled])").count() == 0
+    page.click('[data-stop="selected"]')
+    assert stops_of(yard, before) == [["rex"]]
+
+
+def driven(asked):
+    """Return the velocities forward that a robot was asked for."""
+    told = [json.loads(each.payload) for each in list(asked) if each.parameters["kind"] == "motion"]
+    return [message["linear_x"] for message in told]
+
+
+@pytest.fixture
+def pad(open_page, yard):
+    """Hold the pad's button for forward; returns the page and the velocities that the robot is asked for."""
+
+    def hold(**prepared):
+        asked = yard.answers("rex", Reply("motion", ReplyStatus.ACCEPTED))
+        page = open_page(**prepared)
+        page.click(row(REX))
+        page.hover(".axis.forward")
+        page.mouse.down()
+        # The page is asked each time, because the browser's messages pass only then.
+        wait_until("three velocities", lambda: page.evaluate("1") and driven(asked).count(1.0) >= 3)
+        assert 0.0 not in driven(asked)
+        return page, asked
+
+    return hold
+
+
+ENDS = {
+    "release": lambda page: page.mouse.up(),
+    "escape": lambda page: page.keyboard.press("Escape"),
+    "blur": lambda page: page.evaluate("dispatchEvent(new Event('blur'))"),
+    "stop": lambda page: page.select_option("#stop-group", label="ground"),
+    "selection": lambda page: page.evaluate("document.querySelector('#robots li').click()"),
+    "closed tab": lambda page: page.close(),
+}
+
+
+@pytest.mark.parametrize("ends", ENDS)
+def test_a_robot_is_driven_only_while_the_pad_is_held(pad, ends):
+    page, asked = pad()
+    ENDS[ends](page)
+    wait_until("the zero", lambda: 0.0 in driven(asked))
+    assert set(driven(asked)[driven(asked).index(0.0) :]) == {0.0}
+
+
+def test_a_pad_ends_when_the_answers_take_too_long(pad):
+    muted = []
+
+    def route(socket):
+        server = socket.connect_to_server()
+        server.on_message(lambda message: None if muted and "drove" in message else socket.send(message))
+
+    page, asked = pad(prepare=lambda page: page.route_web_socket(re.compile("/ws$"), route))
+    muted.append(True)
+    shows(page, ".pad [role=status]", "no answer within 300 ms")
+    wait_until("the zero", lambda: driven(asked)[-1] == 0.0)
+
+
+def test_a_refusal_ends_the_pad_and_is_shown(open_page, yard):
+    yard.answers("beast", Reply("motion", ReplyStatus.REJECTED, "anna has control"))
+    yard.tells("fleet/yard-1/robots/beast/description", RobotDescription("beast", "toy", (), drives=True))
+    page = open_page()
+    page.click(row(BEAST))
+    page.focus(".pad")
+    page.keyboard.down("w")
+    shows(page, ".pad [role=status]", "rejected: anna has control")
+
+
+def test_what_is_wrong_is_shown_by_cause_while_no_robot_is_selected(open_page, yard):
+    page = open_page()
+    stuck = RobotState("beast", "", "toy", "yard-1", 1.0, health="fault", cause=f"{SCRIPT} is stuck")
+    yard.bus.control.put("fleet/yard-1/robots/beast/state", msgspec.json.encode(stuck))
+    shows(page, "#robot .causes", f"{SCRIPT} is stuck")
+    shows(page, "#robot .causes", "since ")
+    page.click(".causes button.link >> nth=0")
+    page.wait_for_selector('#robots [aria-selected="true"]')
+
+
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_every_text_of_the_page_can_be_read(open_page, scheme):
+    page = open_page(color_scheme=scheme)
+    page.click(row(REX))
+    page.click('[data-stop="selected"]')
+    page.wait_for_selector("#stop-detail table")
+    assert page.evaluate(CONTRASTS) == []
+
+
+CONTRASTS = """() => {
+    const parse = (text) => text.match(/[\\d.]+/g).map(Number);
+    const light = ([r, g, b]) => [r, g, b].map((c) => c / 255)
+        .map((c) => (c <= 0.04045 ? c / 12.92 : ((c + 0.055) / 1.055) ** 2.4))
+        .reduce((sum, c, n) => sum + c * [0.2126, 0.7152, 0.0722][n], 0);
+    const ground = (element) => {
+        for (let each = element; each; each = each.parentElement) {
+            const color = parse(getComputedStyle(each).backgroundColor);
+            if (color.length === 3 || color[3] > 0.99) return color;
+        }
+        return [255, 255, 255];
+    };
+    const bad = [];
+    for (const each of document.querySelectorAll('body *')) {
+        const own = [...each.childNodes].some((node) => node.nodeType === 3 && node.data.trim());
+        if (!own || !each.checkVisibility()) continue;
+        const [one, other] = [light(parse(getComputedStyle(each).color)), light(ground(each))];
+        const contrast = (Math.max(one, other) + 0.05) / (Math.min(one, other) + 0.05);
+        if (contrast < 4.5) bad.push(`${each.textContent.trim().slice(0, 40)}: ${contrast.toFixed(2)}`);
+    }
+    return bad;
+}"""
