@@ -10,6 +10,7 @@ import pathlib
 import types
 import typing
 from collections.abc import Iterator
+from importlib.metadata import EntryPoint, entry_points
 from typing import Any, Literal
 from uuid import UUID
 
@@ -18,7 +19,7 @@ from pydantic.fields import FieldInfo
 from pydantic_core import PydanticUndefined
 
 from fleet.config.schema import FleetConfig
-from fleet.plugins.registry import Registry
+from fleet.plugins.registry import GROUP, OWN_DISTRIBUTION, Registry
 from fleet.robot_config import AdapterConfig
 
 TARGET = pathlib.Path(__file__).with_name("config.md")
@@ -27,7 +28,7 @@ INTRODUCTION = """\
 
 Made from the models by `docs/reference/make_config_reference.py`; do not edit.
 
-`fleet check` tells every problem of a file with its line and column, and a hint. `fleet init` writes an
+`fleet check` reports every error of a file with its line and column, and a hint. `fleet init` writes an
 example; `fleet schema` prints a JSON Schema for editors.
 
 - YAML 1.2: only `true` and `false` are booleans; `yes`, `on` and `0755` are text. A key that is there
@@ -36,9 +37,9 @@ example; `fleet schema` prints a JSON Schema for editors.
 - `!secret NAME` takes a value from `secrets.yaml` beside the file: lines `name: value`, mode 0600.
 - `${VAR}` is an environment variable, `${VAR:-default}` one with a default, `${VAR:?message}` one that
   must be set; `$$` is a dollar. Inside `{...}` and `[...]` write it in quotes.
-- `defaults:` stands under every robot, mapping by mapping; what a robot says itself wins. It cannot give
-  `name`, `twin` or `adapter`.
-- Paths are seen from the folder of the file.
+- `defaults:` is merged into every robot, mapping by mapping; a key of the robot itself has precedence. It
+  cannot give `name`, `twin` or `adapter`.
+- Paths are relative to the folder of the file.
 """
 _WORDS: dict[Any, str] = {
     str: "text",
@@ -63,14 +64,14 @@ _BOUNDS = {"gt": "more than", "ge": "at least", "lt": "less than", "le": "at mos
 
 
 def kind(annotation: Any) -> str:
-    """Return what may stand in a field, in words."""
+    """Return the type of a field and its allowed values, in words."""
     arguments = [each for each in typing.get_args(annotation) if each not in (types.NoneType, ...)]
     origin = typing.get_origin(annotation)
     if origin is Literal:
         return ", ".join(f"`{value}`" for value in arguments)
     inner = [kind(each) for each in arguments if origin is not typing.Annotated or each is arguments[0]]
     if origin in _SHAPES:
-        return _SHAPES[origin].format(" or ".join(inner), *inner)
+        return _SHAPES[origin].format(" or ".join(dict.fromkeys(inner)), *inner)
     if isinstance(annotation, type) and issubclass(annotation, BaseModel):
         return f"[{annotation.__name__}](#{annotation.__name__.lower()})"
     return _WORDS.get(annotation, getattr(annotation, "__name__", str(annotation)))
@@ -110,7 +111,7 @@ def default(field: FieldInfo) -> str:
 
 def table(model: type[BaseModel], without: frozenset[str] = frozenset()) -> Iterator[str]:
     """Yield the table of a model's fields."""
-    yield "| key | what may stand there | default | |"
+    yield "| key | type, allowed values | default | |"
     yield "|---|---|---|---|"
     for name, field in model.model_fields.items():
         if name not in without:
@@ -137,8 +138,14 @@ def section(
     yield from ("", f"{'#' * level} {title}", "", summary, "", *table(model, without))
 
 
+def own_entry_points() -> list[EntryPoint]:
+    """Return the adapters that this project installs."""
+    found = entry_points(group=GROUP)
+    return [point for point in found if point.dist is not None and point.dist.name == OWN_DISTRIBUTION]
+
+
 def render() -> str:
-    """Return the whole reference; every adapter that is installed has its section.
+    """Return the whole reference; every adapter of this project has its section, no other that is installed.
 
     Raises RuntimeError for an adapter that cannot be loaded.
     """
@@ -146,7 +153,7 @@ def render() -> str:
     for model in dict.fromkeys(models_in(FleetConfig)):
         lines += section(model.__name__, model)
     known = set(models_in(FleetConfig))
-    for plugin in Registry().load_all():
+    for plugin in Registry(own_entry_points()).load_all():
         if plugin.adapter is None:
             raise RuntimeError(f"{plugin.name}: {plugin.report}")
         config = plugin.adapter.Config

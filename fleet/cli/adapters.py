@@ -84,7 +84,8 @@ def _named(name: str, plugins: Iterable[Plugin]) -> Plugin:
     """Return the plugin of a name; raises ConfigError for one that is not there."""
     found = {plugin.name: plugin for plugin in plugins}
     if name not in found:
-        raise ConfigError(f"no adapter {name!r}; {nearest(name, found) or 'fleet adapters lists them'}")
+        cure = "install its package here, or name the folder of its file in plugins of fleet.yaml"
+        raise ConfigError(f"no adapter {name!r}; {nearest(name, found) or cure}")
     return found[name]
 
 
@@ -99,7 +100,8 @@ def _show(out: Output, plugin: Plugin) -> None:
     limits = ", ".join(f"{name} {value:g}" for name, value in can.limits.items())
     out.say(f"takes {', '.join(takes) or 'commands only'}; limits (m/s, rad/s, m): {limits or 'none'}")
     for command in can.commands:
-        out.say(f"\n{command.name} {command_text.parameters(command)}".rstrip(" -"))
+        out.say("")
+        out.say(f"{command.name} {command_text.parameters(command)}".rstrip(" -"))
         command_text.show(out, command)
 
 

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import importlib.util
 import keyword
 import pathlib
 import re
+import shlex
+import sys
 from collections.abc import Mapping
 from importlib import resources
 from types import MappingProxyType
@@ -76,18 +79,14 @@ _FILES: Mapping[str, str] = MappingProxyType(
 )
 @with_output
 def new(out: Output, name: str, kind: str, into: pathlib.Path) -> None:
-    r"""Write a package for a new kind of robot.
+    """Write a package for a new kind of robot.
 
     Makes the folder NAME with an adapter, a simulated robot, tests (the contract that the host relies on,
     and some of its own), pyproject.toml with the entry point, and a README. All tests pass as they are:
-    replace the example's words by your robot's. NAME is what fleet.yaml will say: small letters, digits
-    and hyphens. Never overwrites: a folder of this name is an error.
+    replace the example's protocol by your robot's. NAME is the name in fleet.yaml (adapter: NAME): small
+    letters, digits and hyphens. Never overwrites: a folder of this name is an error.
 
-    \b
-    Example:
-      fleet adapters new hexapod --kind can
-      cd hexapod
-      python -m pip install -e '.[test]' && python -m pytest
+    For example:  fleet adapters new hexapod --kind can
     """
     _check_name(name)
     place = into / name
@@ -104,7 +103,7 @@ def new(out: Output, name: str, kind: str, into: pathlib.Path) -> None:
     out.data({"written": [str(place / path) for path in files], "adapter": name})
     for path in files:
         out.say(f"wrote {place / path}")
-    out.note(f"next: cd {place} && python -m pip install -e '.[test]' && python -m pytest")
+    out.note(f"next: cd {place} && {_install()} -e '.[test]' && python -m pytest")
 
 
 def package(name: str, kind: str) -> dict[str, str]:
@@ -135,6 +134,13 @@ def _filled(text: str, tokens: Mapping[str, str]) -> str:
     for token, value in tokens.items():
         text = text.replace(f"@{token}@", value)
     return text
+
+
+def _install() -> str:
+    """Return the command that installs into this environment; one that uv made (run.py does) has no pip."""
+    if importlib.util.find_spec("pip"):
+        return "python -m pip install"
+    return f"uv pip install --python {shlex.quote(sys.executable)}"
 
 
 def _check_name(name: str) -> None:

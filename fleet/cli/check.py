@@ -17,10 +17,10 @@ from fleet.config.problems import InvalidConfig, Problem
 @click.argument("file", default="fleet.yaml", type=click.Path())
 @with_output
 def check(out: Output, file: str) -> ExitCode:
-    """Check a fleet file and tell every problem in it.
+    """Check a fleet file and report every error.
 
     Reads FILE (fleet.yaml when left out) and all it includes, and imports the adapters that its robots
-    name. Opens no link and no connection. Exit code 3 when there is a problem; a warning changes it not.
+    name. Opens no link and no connection. Exit code 3 for an error; a warning does not change it.
     """
     try:
         loaded = load(file)

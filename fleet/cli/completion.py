@@ -74,7 +74,7 @@ COMMAND = RunningName("command", _commands)
 @click.argument("shell", type=click.Choice(SHELLS))
 @with_output
 def completion(out: Output, shell: str) -> None:
-    """Print what lets SHELL complete commands, and the names of robots and their commands.
+    """Print the completion of commands, robots and their commands for SHELL.
 
     Install it with one of:  eval "$(fleet completion bash)"  in ~/.bashrc,  eval "$(fleet completion zsh)"
     in ~/.zshrc,  fleet completion fish > ~/.config/fish/completions/fleet.fish

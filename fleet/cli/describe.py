@@ -22,11 +22,11 @@ from fleet.model.state import RobotState
 @reach_option
 @with_output
 def describe(out: Output, robot: str, command: str | None, *, file: str | None) -> ExitCode:
-    """Show what ROBOT takes, and whether it would take it now; all about one COMMAND with its name.
+    """Show the commands of ROBOT, and whether it would accept them now; with COMMAND, all about that one.
 
-    The robot's own process answers, from what its adapter declares and what its safety rules say now. A
-    command is judged as one from this computer, without its data. Of a group each robot has one line: what it
-    takes now and what it refuses, or whether it takes COMMAND.
+    The robot's own process answers, from the declarations of its adapter and the present state of its safety
+    rules. A command is judged as one from this computer, without its data. A group has one line for each
+    robot: what it would accept now and what it refuses, or whether it would accept COMMAND.
     """
     with Edges.reach(file) as edges:
         robots = edges.named(robot)

@@ -37,10 +37,13 @@ _LAST = 100
 @reach_option
 @with_output
 def history(out: Output, robot: str | None, *, since: float, last: int | None, file: str | None) -> None:
-    """Show who asked what of ROBOT (or a group, or of all), and what became of it, the newest last.
+    """Show the commands to ROBOT (or to a group, or to all), their senders and outcomes, the newest last.
 
-    Where an edge runs, it is asked; else its file is read, which needs -f only where edge.spool.path is set.
-    An asker is proven where the way in vouches for the name, else it is what the message claims.
+    A running edge answers; else its file is read, which needs -f only where edge.spool.path is set. An asker
+    is proven where the transport authenticates the name, else claimed by the message.
+
+    Events: command and outcome belong to one request, found and lost say that the robot answers or no longer
+    answers, health is a change of its health.
     """
     most = last or (MOST if since else _LAST)
     found = _found(robot, since, most, file)

@@ -33,13 +33,14 @@ class FleetState(msgspec.Struct, frozen=True):
 @reach_option
 @with_output
 def ps(out: Output, *, everything: bool, watch: bool, file: str | None) -> None:
-    """Show the robots that run, and how they are.
+    """Show the running robots and their health.
 
-    Asks every edge that runs on this machine, or the edge of the fleet file. The worst come first; on a
-    terminal as much is shown as fits, and what is missing is counted.
+    Asks every edge that runs on this machine, or the edge of the fleet file. The worst health comes first; a
+    terminal shows as many robots as fit, and the number of the others.
 
-    SITE or POSITION is x y z in metres, in the site's frame; "own" is said of one in the robot's own. AGE is
-    how long ago the robot was heard.
+    SIM is sim for a simulated robot (its link begins with sim:), else real. SITE or POSITION is x y z in
+    metres, in the site's frame; "own" marks one in the robot's own frame. AGE is the time since the robot's
+    last message.
     """
     if watch:
         _watch(out, file, everything=everything)

@@ -79,7 +79,8 @@ def follow(out: Output, edges: Edges, run: str) -> ExitCode:
                 return ExitCode.UNKNOWN
             time.sleep(LOOK)
     except KeyboardInterrupt:
-        out.note(f"\nrun {run} goes on without this command; end it with: fleet mission abort {run}")
+        out.note("")  # the terminal has shown ^C on this line
+        out.note(f"run {run} goes on without this command; end it with: fleet mission abort {run}")
         return ExitCode.INTERRUPTED
 
 

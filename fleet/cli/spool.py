@@ -22,9 +22,9 @@ file_option = click.option(
 
 @click.group()
 def spool() -> None:
-    """Look at what waits for the cloud on this edge's disk, or delete it.
+    """Show or delete the messages that are queued for the cloud on disk.
 
-    Messages that the cloud has not taken yet are kept on disk: answers, status, events.
+    Replies, status and events that the cloud has not acknowledged yet are kept on disk.
     """
 
 

@@ -40,7 +40,7 @@ _SECONDS = "%Y%m%d-%H%M%S"
 @click.option("-o", "--output", type=click.Path(dir_okay=False, path_type=Path), help="The archive to write.")
 @with_output
 def support(out: Output, file: Path, output: Path | None) -> ExitCode:
-    """Pack configuration, logs, history, state and versions into one archive, for who helps.
+    """Pack configuration, logs, history, state and versions into one archive, for support.
 
     Passwords, tokens and all of secrets.yaml are taken out, wherever they stand. Look into it before you
     send it on: names, places and addresses of the site are in it.

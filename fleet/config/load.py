@@ -49,6 +49,7 @@ from fleet.plugins.registry import Plugin, PluginState, Registry
 from fleet.robot_config import AdapterConfig
 
 _OWN_TO_ROBOT = ("name", "twin", "adapter")  # what defaults cannot give
+_OTHER_ADAPTERS = "for another, install its package here or name the folder of its file in plugins"
 _ROBOT_PATH = re.compile(r"robots\[(\d+)\]")
 
 
@@ -311,7 +312,7 @@ def _plugin(robot: object, at: Path, document: Document, registry: Registry) -> 
     name = robot["adapter"]
     plugin = registry.get(name) if isinstance(name, str) else None
     if plugin is None:
-        near = nearest(str(name), registry.names()) or known
+        near = nearest(str(name), registry.names()) or f"{known}; {_OTHER_ADAPTERS}"
         failed = [f"{file.origin} failed: {file.report}" for file in registry.broken_files()]
         document.report(document.marks[path], f"there is no adapter {name!r}", "; ".join([near, *failed]))
     elif plugin.state is PluginState.FAILED:

@@ -38,6 +38,7 @@ log = logging.getLogger(__name__)
 HOST = "127.0.0.1"
 SHUTDOWN = 1  # s for open requests to end
 PING = 5.0  # s between pings of a WebSocket, and s that the page has to answer
+MOST_CONNECTIONS = 512  # with more, new ones are told to come again
 PARENT_LOOK = 0.5  # s between looks whether the parent lives
 
 
@@ -76,6 +77,7 @@ async def serve(task: ConsoleTask, directory: Path, ended: asyncio.Event) -> Non
         date_header=False,
         proxy_headers=False,
         timeout_graceful_shutdown=SHUTDOWN,
+        limit_concurrency=MOST_CONNECTIONS,
         h11_max_incomplete_event_size=LONGEST_BODY,
     )
     server = _Server(config)

@@ -120,6 +120,11 @@ class Navigate(msgspec.Struct, frozen=True):
         """True for a mission, and for the control of a mission."""
         return self.name == MISSION
 
+    @property
+    def is_command(self) -> bool:
+        """True for a way that was asked as a command: a verb with a distance."""
+        return self.name not in ("navigate", MISSION)
+
 
 class ActionState(enum.StrEnum):
     """State of an action."""

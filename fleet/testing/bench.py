@@ -29,7 +29,7 @@ class Bench(Operator):
     """A connected adapter, and the operator at its controls; ``life`` is the task of its attempt."""
 
     def __init__(self, adapter: Adapter[Any], robot: LoopRobot | RecordingRobot) -> None:
-        self.adapter = adapter
+        super().__init__(adapter)
         self.robot = robot
         self.life = asyncio.ensure_future(serve(adapter))
 

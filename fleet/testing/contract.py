@@ -16,6 +16,7 @@ import contextlib
 import itertools
 import math
 import re
+import struct
 import typing
 from collections.abc import AsyncIterator, Iterator, Mapping
 from typing import Any, ClassVar
@@ -319,8 +320,9 @@ class FrameContract(AdapterContract):
         assert "link" in self.adapter.Config.model_fields
 
     def test_each_example_of_what_the_robot_says_means_something(self) -> None:
-        assert len(self.frames()) == len(self.said) > 0
-        assert [frame for frame in self.frames() if not list(self.inner().decode(frame, STAMP))] == []
+        assert len(self.frames()) == len(self.said) > 0, "each item of said must be one whole frame"
+        silent = [frame for frame in self.frames() if not list(self.inner().decode(frame, STAMP))]
+        assert silent == [], "decode yields nothing for these: leave frames without a report out of said"
 
     def test_frames_are_the_same_however_the_line_cuts_them(self) -> None:
         cutter = self.adapter.framing.cutter()
@@ -339,7 +341,11 @@ class FrameContract(AdapterContract):
     def test_every_velocity_becomes_frames_or_is_refused(self) -> None:
         inner = self.inner()
         for velocity in EXTREMES if self.adapter.drives() else ():
-            assert in_time(unless_refused, self._encoded, inner, velocity) != []
+            try:
+                frames = in_time(unless_refused, self._encoded, inner, velocity)
+            except (ValueError, ArithmeticError, struct.error) as error:
+                raise AssertionError(f"drive({velocity}): {error}; clamp it, or raise Refused") from error
+            assert frames != [], f"drive({velocity}) yields no frame"
 
     def test_standing_still_is_never_refused(self) -> None:
         assert self._encoded(self.inner(), ZERO_VELOCITY) if self.adapter.drives() else True

@@ -1,4 +1,4 @@
-"""Somebody at the controls of an adapter under test, without a host between them."""
+"""Commands and velocities for an adapter under test, without the safety rules of the host."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from typing import Any
 
 from fleet.adapter import Adapter
 from fleet.host.robot.adapter_factory import start_command
+from fleet.host.robot.frame_adapter_runner import FrameAdapterRunner
 from fleet.model.command import Command
 from fleet.model.geometry import Velocity
 
@@ -15,16 +16,26 @@ PERIOD = 0.1  # s between the velocities that an operator's stick sends
 
 
 class Operator:
-    """Carries out commands and drives; a base for a test's own robot, which sets ``adapter``."""
+    """Carries out commands of a connected adapter and drives it; ``adapter`` is what ``running`` yields.
 
-    adapter: Adapter[Any]
+    Also a base for a test's own robot, which may set ``adapter`` later.
+    """
+
+    def __init__(self, adapter: Adapter[Any]) -> None:
+        self.adapter = adapter
 
     async def do(self, name: str, /, **data: object) -> object:
         """Carry out a command; return its answer, or its progress in percent.
 
-        Raises what the command raises, and TimeoutError after the time that it declares.
+        Raises what the command raises, TimeoutError after the time that it declares, and LookupError for a
+        command that the adapter does not declare.
         """
-        spec = self.adapter.commands()[name]
+        # The runner of a FrameAdapter declares none itself.
+        declared = self.adapter.inner if isinstance(self.adapter, FrameAdapterRunner) else self.adapter
+        commands = declared.commands()
+        if name not in commands:
+            raise LookupError(f"no command {name!r}; declared: {', '.join(sorted(commands)) or 'none'}")
+        spec = commands[name]
         doing = start_command(self.adapter, spec, Command(name, data))
         async with asyncio.timeout(spec.timeout):
             if not spec.streams:

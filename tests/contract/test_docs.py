@@ -43,12 +43,12 @@ class WalkerSdk:
 
 @pytest.fixture(scope="module")
 def guide(root):
-    """Return what docs/how-to/write-an-adapter.md defines."""
+    """Return what the guide defines, and its page about tests, whose examples use it."""
     sys.modules["my_sdk"] = types.ModuleType("my_sdk")
     sys.modules["my_sdk"].WalkerSdk = WalkerSdk
     names = {"__name__": "guide"}
-    page = root / "docs/how-to/write-an-adapter.md"
-    exec(compile(python_in(page), page.name, "exec"), names)
+    for page in (root / "docs/how-to/write-an-adapter.md", root / "docs/how-to/test-an-adapter.md"):
+        exec(compile(python_in(page), page.name, "exec"), names)
     return names
 
 
@@ -85,6 +85,17 @@ def test_the_adapters_in_the_guide_keep_the_contract(guide, name):
     assert len(tests) >= 12
     for test in tests:
         test()
+
+
+def test_the_command_in_the_guide_waits_for_the_simulated_robot(guide):
+    guide["test_a_grip_is_done_when_the_gripper_was_seen_closed"]()
+
+
+def test_the_simulator_in_the_guide_is_shown_as_one(guide):
+    fields = {"name": "w", "twin": str(uuid.uuid4()), "adapter": "crawler"}
+    links = ("tcp:127.0.0.1:9000", "serial:/dev/ttyUSB0?baud=115200")
+    configs = [guide["SimulatedCrawlerConfig"](**fields, link=link) for link in links]
+    assert [config.simulated for config in configs] == [True, False]
 
 
 def test_the_test_in_the_tutorial_passes(root, monkeypatch):

@@ -12,7 +12,7 @@ ROWS = [
 ]
 TEST = re.compile(r"`([\w/]+\.py)::(\w+)`")
 NAMED = sorted(set(TEST.findall(PAGE)))
-PARTS = 156  # rows of the contract: one may be added, none may be left out
+PARTS = 157  # rows of the contract: one may be added, none may be left out
 
 
 def test_every_part_of_the_contract_has_its_row():

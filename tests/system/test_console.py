@@ -1,10 +1,21 @@
 """The console of the demo in a real browser: the fleet at once, a click that moves a robot, a stop by key."""
 
+import json
+import os
+import signal
 import time
+import urllib.request
+import uuid
+from pathlib import Path
 
 import pytest
 
+from fleet.console.links import LinkAsked, ask_link
+from fleet.console.sessions import Permission
+from fleet.console.task import link_socket
 from fleet.testing.waiting import wait_until
+
+PLUGINS = Path(__file__).parents[2] / "tests" / "tools" / "plugins"
 
 UGV = "demo/ugv-1"
 WAIT = 60_000  # ms
@@ -39,3 +50,27 @@ def test_the_demo_prints_a_link_to_a_page_where_a_click_moves_a_robot_and_escape
     stopped.wait_for()
     page.locator("#stop-words", has_text="2 seen standing").wait_for()
     assert demo.robot("ugv-1", "stands", lambda state: state.get("emergency_stop"))["emergency_stop"]
+
+
+def test_an_edge_starts_its_console_and_starts_it_again_when_it_dies(fleet, runtime, tmp_path):
+    name = f"yard-{uuid.uuid4().hex[:8]}"
+    robot = {"name": "rex", "twin": str(uuid.uuid4()), "adapter": "puppet", "worker": "main", "rate": 0}
+    file = {"edge": {"id": name}, "console": {"port": 0}, "plugins": [str(PLUGINS)], "robots": [robot]}
+    (tmp_path / "fleet.yaml").write_text(json.dumps(file))
+    edge = fleet("run", str(tmp_path / "fleet.yaml"), "--json")
+    edge.line(r"console: fleet console --link +prints a link")
+    link = edge.call("console", "--link").stdout.strip()
+    with urllib.request.urlopen(link) as page:
+        assert b"STOP ALL" in page.read()
+    assert "#token" not in "".join(edge.errors)
+
+    path, asked = link_socket(Path(runtime), name), LinkAsked("anna", Permission.VIEW)
+    first = ask_link(path, asked).process
+    os.kill(first, signal.SIGKILL)
+
+    def again():
+        given = ask_link(path, asked)
+        return given is not None and given.process != first
+
+    wait_until("another console", again)
+    edge.robot("rex", "is well all the time", lambda state: state["health"] == "ok")

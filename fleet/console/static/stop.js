@@ -19,18 +19,20 @@
     return { "Content-Type": "application/json" };
   }
 
+  const soon = () => AbortSignal.timeout(POST_WITHIN);
+
   async function openSession() {
     const token = new URLSearchParams(location.hash.slice(1)).get("token");
     if (token) {
       history.replaceState(null, "", location.pathname);
       const body = JSON.stringify({ token });
-      const answer = await fetch("/api/session", { method: "POST", headers: headers(), body });
+      const answer = await fetch("/api/session", { method: "POST", headers: headers(), body, signal: soon() });
       if (answer.ok) return answer.json();
-      const known = await fetch("/api/session");
+      const known = await fetch("/api/session", { signal: soon() });
       if (known.ok) return known.json();
       throw new Error((await answer.json()).error);
     }
-    const answer = await fetch("/api/session");
+    const answer = await fetch("/api/session", { signal: soon() });
     const told = await answer.json();
     if (!answer.ok) throw new Error(told.error);
     return told;
@@ -41,8 +43,7 @@
   async function post(request, stop) {
     await page.session.catch(() => {});
     const body = JSON.stringify({ ask: "stop", request, robots: stop.robots });
-    const signal = AbortSignal.timeout(POST_WITHIN);
-    const answer = await fetch("/api/stop", { method: "POST", headers: headers(), body, signal });
+    const answer = await fetch("/api/stop", { method: "POST", headers: headers(), body, signal: soon() });
     const told = await answer.json();
     if (!answer.ok) throw new Error(told.error);
     return told;

@@ -111,15 +111,31 @@ export function ask(message, call) {
   return send({ request, ...message });
 }
 
+// Why no connection is opened: a console that was started anew knows nobody any more.
+async function tellWhy() {
+  try {
+    const answer = await fetch("/api/session");
+    store.error = answer.ok ? "" : (await answer.json()).error;
+  } catch {
+    store.error = "";
+  }
+}
+
 function connect() {
   const scheme = location.protocol === "https:" ? "wss" : "ws";
   socket = new WebSocket(`${scheme}://${location.host}/ws`);
   socket.onmessage = (event) => take(JSON.parse(event.data));
-  socket.onclose = () => {
+  let opened = false;
+  socket.onopen = () => {
+    opened = true;
+    store.error = "";
+    changed(new Set(["open"]));
+  };
+  socket.onclose = async () => {
     closed();
+    if (!opened) await tellWhy();
     setTimeout(connect, AGAIN);
   };
-  socket.onopen = () => changed(new Set(["open"]));
 }
 
 export async function start() {

@@ -11,6 +11,7 @@ import msgspec
 
 from fleet.commands import CommandSpec
 from fleet.host.robot.adapter_factory import Capabilities
+from fleet.host.safety.fence import Fence
 from fleet.model.description import (
     CommandDescription,
     FenceDescription,
@@ -49,7 +50,7 @@ def description(
     own: Iterable[str],
     limits: Limits,
     refusal: Refusal,
-    fence: FenceDescription | None = None,
+    fence: Fence | None = None,
 ) -> RobotDescription:
     """Return what a robot takes. ``own`` are the commands that the host answers itself; stops come first."""
     names = [*sorted(STOP_WORDS), *sorted(own)]
@@ -64,8 +65,15 @@ def description(
         goals=can.drives or can.navigates,
         missions=can.navigates,
         limits={name: value for name, value in limits if value is not None},
-        fence=fence,
+        fence=_fence(fence),
     )
+
+
+def _fence(fence: Fence | None) -> FenceDescription | None:
+    """Return the polygons of a fence, None without any."""
+    if fence is None or not (fence.inclusion or fence.exclusion):
+        return None
+    return FenceDescription(fence.inclusion, fence.exclusion)
 
 
 def command_of(spec: CommandSpec, refusal: str = "") -> CommandDescription:

@@ -352,7 +352,7 @@ class RobotController:
         receipt.accept()
         self.last.follow(ask.name, receipt)
         receipt.watch(self.guard.obeyed)
-        self._navigator.start(who, ask.ask, ask.action_id, receipt)
+        self._navigator.start(who, ask, ask.ask, receipt)
 
     def unable(self, task: Task) -> str | None:
         """Return why the robot would not begin a task now, whoever asks for it; None when it would."""

@@ -337,7 +337,7 @@ class LocalRobot:
             self._can,
             own=self.controller.own,
             limits=self._limits,
-            fence=self.controller.guard.borders,
+            fence=self.controller.guard.fence,
             refusal=partial(would_refuse, self.controller),
         )
 

@@ -19,7 +19,6 @@ from fleet.host.robot.battery_watch import BatteryWatch
 from fleet.host.robot.separation_keeper import SeparationKeeper
 from fleet.host.safety.fence import Fence
 from fleet.model.command import Command, Reply
-from fleet.model.description import FenceDescription
 from fleet.model.event import EventKind
 from fleet.model.geodesy import GeoOrigin, GeoPoint, world_from_geo
 from fleet.model.geometry import ZERO_VELOCITY, Pose, Vector3, Velocity, rotate_to_world
@@ -95,15 +94,8 @@ class MotionGuard:
         self._pose: Pose | None = None
         self._seen = 0.0
         self._trouble = ""
-        self._fence: Fence | None = None
+        self.fence: Fence | None = None
         self._draw()
-
-    @property
-    def borders(self) -> FenceDescription | None:
-        """The fence in the robot's world, None without one or while its corners cannot be placed."""
-        if self._config is None or self._fence is None:
-            return None
-        return FenceDescription(self._fence.inclusion, self._fence.exclusion)
 
     # -- what the robot tells ------------------------------------------------------------------------
 
@@ -147,9 +139,9 @@ class MotionGuard:
 
     def _look(self) -> None:
         """Tell once that the robot is where it may not be, and end what leads it out."""
-        if self._unfenced or self._fence is None or self._pose is None:
+        if self._unfenced or self.fence is None or self._pose is None:
             return
-        before, self._trouble = self._trouble, self._fence.breach(self._pose.position, self._home_point())
+        before, self._trouble = self._trouble, self.fence.breach(self._pose.position, self._home_point())
         if self._trouble and not before:
             told = {"reason": self._trouble}
             self._event_reporter.event(
@@ -224,7 +216,7 @@ class MotionGuard:
         except Refused as error:
             return str(error)
         home = self._home_point()
-        trouble = self._fence.way_trouble(start, points, home) if self._fence else ""
+        trouble = self.fence.way_trouble(start, points, home) if self.fence else ""
         if not trouble and self._battery is not None and isinstance(task, FlyMission):
             trouble = self._battery.start_trouble()
         if not trouble and self._battery is not None:
@@ -258,13 +250,13 @@ class MotionGuard:
         if self._unfenced or (self._unbordered and velocity.linear.z <= 0) or velocity.is_zero:
             return velocity
         pose = self._fresh()
-        if pose is None or self._fence is None:
+        if pose is None or self.fence is None:
             if self._config is None:
                 return velocity
             raise Refused("the fence cannot be kept: where the robot is, is unknown")
         yaw = pose.rotation.yaw
         wanted = rotate_to_world(velocity.linear, yaw)
-        admitted = self._fence.admitted(pose.position, wanted, self._home_point())
+        admitted = self.fence.admitted(pose.position, wanted, self._home_point())
         if admitted == wanted:
             return velocity
         return Velocity(rotate_to_world(admitted, -yaw), velocity.yaw_rate)
@@ -292,9 +284,9 @@ class MotionGuard:
         config = self._config or FenceConfig()
         world = self._world()
         if config.frame == "geodetic" and world is None:
-            self._fence = None
+            self.fence = None
             return
-        self._fence = Fence(
+        self.fence = Fence(
             tuple(_placed(corners, config, world) for corners in config.inclusion),
             tuple(_placed(corners, config, world) for corners in config.exclusion),
             self._limits.altitude,
@@ -307,7 +299,7 @@ class MotionGuard:
     def _way(self, task: Task) -> tuple[Vector3, tuple[Vector3, ...]]:
         """Return where a task begins and where it leads; raises Refused while that is unknown."""
         pose = self._fresh()
-        if pose is None or self._fence is None:
+        if pose is None or self.fence is None:
             raise Refused("where the robot is, is unknown: its fence, battery and separation cannot be kept")
         match task:
             case GoTo():

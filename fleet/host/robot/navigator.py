@@ -17,7 +17,7 @@ from fleet.host.requests.action import Action
 from fleet.host.requests.receipt import Receipt
 from fleet.host.runtime.cancellation import cancel_and_wait, closing, no_wait, was_cancelled
 from fleet.model.command import Reply
-from fleet.model.navigation import ActionState, Navigate, RelativeMove, Task
+from fleet.model.navigation import ActionState, Control, Navigate, RelativeMove, Task
 from fleet.model.report import NavigationReport
 from fleet.runtime.exception_barrier import guarded
 
@@ -61,6 +61,7 @@ class Navigator:
         self._journal = journal
         self._known = {past.identity: _known_of(past, clock.time()) for past in journal.past if past.action}
         self.action: Action | None = None
+        self._asked = Navigate(Control.STOP)  # what the action was asked by
 
     @property
     def active(self) -> bool:
@@ -104,11 +105,12 @@ class Navigator:
         receipt.follow(known.receipt)
         return True
 
-    def start(self, who: GoalNavigator, task: Task, action_id: str, receipt: Receipt) -> None:
-        """Begin a task, led by ``who``; whatever was under way is cancelled."""
+    def start(self, who: GoalNavigator, ask: Navigate, task: Task, receipt: Receipt) -> None:
+        """Begin the ``task`` that a message asks, led by ``who``; whatever was under way is cancelled."""
         self.cancel("superseded by a newer goal")
+        self._asked = ask
         self.action = Action(
-            action_id,
+            ask.action_id,
             task,
             publish=self._publish,
             ended=lambda status: _answer(receipt, status),
@@ -184,7 +186,8 @@ class Navigator:
         """Drive the iteration of who leads and turn its end into the terminal status."""
         action.move(ActionState.RUNNING)
         try:
-            self._journal.note(action.id, "navigate", action=True)
+            way = self._asked.origin.way if self._asked.is_command else ""  # others' end is their status
+            self._journal.note(action.id, self._asked.name, action=True, way=way)
             await self._ready()
             await guarded(lambda: self._follow(who, action))
             if self._is_current():

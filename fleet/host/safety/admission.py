@@ -1,4 +1,7 @@
-"""The one gate that every ask of one robot passes, in one order: who, how old, stopped, whose turn."""
+"""Admission of one robot's requests, in one order: source type, age, emergency stop, fault, control lease.
+
+Each rule is a module of this folder, with the text of its own refusal.
+"""
 
 from __future__ import annotations
 

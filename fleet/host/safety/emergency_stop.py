@@ -8,11 +8,11 @@ RELEASE = "release_emergency_stop"
 
 
 class EmergencyStopLatch:
-    """One robot's emergency stop, set from the beginning with a ``why`` of an earlier process.
+    """Emergency stop of one robot; set from the beginning with a ``why`` that an earlier process has kept.
 
-    ``keep`` is told each change, on any thread: why it is set, or nothing for its release. It may hang, so
-    of a stop it is told by ``record``, once the robot was halted. ``held`` says why it cannot be released,
-    and why nothing may move although it is not set; empty when nothing holds.
+    ``keep(why)`` writes each change to the journal, on any thread; an empty text is the release. It may
+    block, so ``record`` calls it for a stop only after the robot was halted. ``held`` is the reason for which
+    the stop cannot be released and nothing may move, such as a stop input without heartbeat; else empty.
     """
 
     def __init__(self, why: str = "", keep: Callable[[str], None] = lambda _: None) -> None:
@@ -23,7 +23,7 @@ class EmergencyStopLatch:
         self._told = bool(why)
 
     def is_news(self) -> bool:
-        """Return True once for each time that it was set by this process: then it is to be told."""
+        """Return True once for each stop that this process has set, so that each is reported once."""
         told, self._told = self._told, self.set
         return self.set and not told
 
@@ -38,21 +38,21 @@ class EmergencyStopLatch:
         return self._why
 
     def engage(self, why: str) -> None:
-        """Stop, in memory; pulling again changes nothing."""
+        """Set the stop, in memory; while it is set, the first cause stays."""
         if not self._why:
             self._why, self._unrecorded = why, True
 
     def record(self) -> None:
-        """Have the stop kept, if it is not yet."""
+        """Write a stop to the journal that is not there yet."""
         if self._unrecorded:
             self._unrecorded = False
             self._keep(self._why)
 
     def release(self) -> None:
-        """Allow motion again; the robot stays as it is until somebody asks for more."""
+        """Clear the stop; nothing moves until the next command."""
         self._why, self._unrecorded, self._told = "", False, False
         self._keep("")
-        if self._why:  # somebody stopped it meanwhile: that is what is to be remembered
+        if self._why:  # set again by another thread while ``keep`` wrote the release: the stop must be last
             self._keep(self._why)
 
     def refusal(self) -> str | None:

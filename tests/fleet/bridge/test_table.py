@@ -78,6 +78,8 @@ DOCUMENTS = {
     "webrtc_offer": {"type": "offer", **SDP},
     "webrtc_answer": {"type": "answer", **SDP},
     "webrtc_candidate": {"type": "candidate", "target": "backend", "candidate": {}},
+    "start_video_status": {"type": "video_started", "status": "ok"},
+    "stop_video_status": {"type": "video_stopped", "status": "ok"},
     "event": {"event_type": "fall"},
     "map_update": {"map_type": "point_cloud"},
     "model_output": {},
@@ -207,7 +209,8 @@ def test_what_the_edge_says_itself_is_what_the_table_says(world, rex):
         rex.answers = lambda *_, name=name: Reply(name, ReplyStatus.ACCEPTED, done=True)
         world.hear("command", {"type": name})
     said = {suffix.replace("/a/", "/+/").replace("/e1/", "/+/"): qos for suffix, qos in world.published}
-    assert said == {rule.suffix: rule.qos for rule in RULES.values() if rule.form is TopicForm.SAID}
+    own = {rule.suffix: rule.qos for rule in RULES.values() if rule.form is TopicForm.SAID}
+    assert said == own | {f"{name}/status": 1 for name in VIDEO_TYPES}  # others' video is a document
     assert REPLY_INBOX in said
     assert all(rule_of(suffix) for suffix, _ in world.published)
 

@@ -47,12 +47,21 @@ def test_one_adapter_is_shown_with_parameters_units_and_help(fleet):
     assert "beep [seconds=NUMBER] Sound the horn." in words
     assert "seconds number 1 to 30 s 1.0" in words
     assert "may move the robot; given up after 10 s" in words
+    assert "\n\nbeep [" in fleet("adapters", "toy").out
 
 
 def test_an_adapter_that_is_not_there_is_told_with_the_nearest(fleet):
     result = fleet("adapters", "tou")
     assert result.code == 3
     assert "toy" in result.err
+
+
+def test_an_adapter_that_is_not_there_is_told_with_the_ways_to_add_it(fleet):
+    result = fleet("adapters", "hexapod")
+    assert result.code == 3
+    assert "install its package here, or name the folder of its file in plugins" in " ".join(
+        result.err.split()
+    )
 
 
 def test_without_a_fleet_file_only_what_is_installed_counts(fleet, place):

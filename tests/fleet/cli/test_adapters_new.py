@@ -1,7 +1,9 @@
 """A generated package passes its own tests as it is, and nothing of anybody's is overwritten."""
 
+import importlib.util
 import os
 import re
+import shlex
 import subprocess
 import sys
 import zipfile
@@ -23,8 +25,8 @@ def installed(folder, into):
     built = subprocess.run(
         [sys.executable, "-c", build, str(into)], cwd=folder, capture_output=True, text=True, check=True
     )
-    scheduler = into / built.stdout.split()[-1]
-    zipfile.ZipFile(scheduler).extractall(into)
+    wheel = into / built.stdout.split()[-1]
+    zipfile.ZipFile(wheel).extractall(into)
     return os.environ | {"PYTHONPATH": str(into), "PYTHONWARNINGS": ""}
 
 
@@ -50,7 +52,20 @@ def test_it_says_what_it_wrote_and_what_comes_next(fleet, place):
     assert written[0] == "wrote six-wheeler/pyproject.toml"
     assert all((place / line.removeprefix("wrote ")).is_file() for line in written)
     assert len(written) == len(list((place / "six-wheeler").rglob("*.*")))
-    assert "next: cd six-wheeler && python -m pip install -e '.[test]' && python -m pytest" in result.err
+    assert result.err.startswith("next: cd six-wheeler && ")
+    assert result.err.endswith(" -e '.[test]' && python -m pytest\n")
+
+
+@pytest.mark.parametrize(
+    ("pip", "told"),
+    [
+        (True, "&& python -m pip install -e"),
+        (False, f"&& uv pip install --python {shlex.quote(sys.executable)} -e"),
+    ],
+)
+def test_the_installer_that_comes_next_is_one_that_the_environment_has(fleet, place, monkeypatch, pip, told):
+    monkeypatch.setattr(importlib.util, "find_spec", lambda name: pip and name == "pip")
+    assert told in fleet("adapters", "new", "six-wheeler").err
 
 
 def test_a_program_gets_the_files_as_json(fleet, place):
@@ -97,7 +112,7 @@ def test_a_kind_that_is_none_is_told_with_those_there_are(fleet, place):
 def test_help_shows_the_kinds_and_an_example(fleet):
     told = fleet("adapters", "new", "--help").out
     assert "frames on a CAN bus" in told
-    assert "fleet adapters new hexapod --kind can" in told
+    assert "For example:  fleet adapters new hexapod --kind can" in told
 
 
 def test_an_adapter_of_frames_is_short():

@@ -93,7 +93,13 @@ def test_a_problem_is_shown_with_its_line_and_a_caret(yard):
     [
         ("adaptr: toy", "robots[0].adaptr: unknown key (did you mean 'adapter'?)"),
         ("worker: w", "robots[0]: the key 'adapter' is missing (known adapters: toy)"),
-        ("adapter: 7", "robots[0].adapter: there is no adapter 7 (known adapters: toy)"),
+        (
+            "adapter: 7",
+            (
+                "robots[0].adapter: there is no adapter 7 (known adapters: toy; for another, "
+                "install its package here or name the folder of its file in plugins)"
+            ),
+        ),
     ],
 )
 def test_a_robot_without_a_usable_adapter_is_told(yard, wrong, told):
@@ -227,7 +233,8 @@ def test_an_unknown_adapter_may_be_in_a_file_that_failed(yard):
     yard.write("1 / 0\n", "plugins/rovers.py")
     (problem,) = yard.problems(small(ROBOT.replace("toy", "wheely")))
     assert problem.endswith(
-        "there is no adapter 'wheely' (known adapters: toy; "
+        "there is no adapter 'wheely' (known adapters: toy; for another, "
+        "install its package here or name the folder of its file in plugins; "
         "plugins/rovers.py failed: ZeroDivisionError: division by zero (plugins/rovers.py:1))"
     )
 

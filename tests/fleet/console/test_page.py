@@ -6,7 +6,9 @@ import re
 
 import msgspec
 import pytest
+import yaml
 
+from fleet.config.load import load
 from fleet.console.sessions import Permission
 from fleet.model.command import Reply, ReplyStatus
 from fleet.model.description import CommandDescription, ParameterDescription, RobotDescription
@@ -77,6 +79,7 @@ def open_page(browser, console, yard):
             page.goto(console.link(permission), wait_until="load" if loads else "commit")
             if loads:
                 page.wait_for_selector(row(REX))
+                page.wait_for_selector(row(BEAST))
             return page
 
         yield open_page
@@ -247,6 +250,44 @@ def test_who_may_only_view_is_offered_nothing_that_moves_and_may_stop(open_page,
     assert page.locator("button.command:not([aria-disabled])").count() == 0
     page.click('[data-stop="selected"]')
     assert stops_of(yard, before) == [["rex"]]
+
+
+DRAWN = {
+    "place": ([(1, 2)], "places:\n  drawn: {at: [1, 2]}\n"),
+    "area": ([(0, 0), (2, 0), (2, 2)], "polygon: [[0, 0], [2, 0], [2, 2]]"),
+    "path": ([(0, 0), (2, 1)], "path: [[0, 0], [2, 1]]"),
+    "fence": ([(0, 1), (3, 1), (3, 2)], "fence: {inclusion: [[[-2, 0], [1, 0], [1, 1]]]}"),
+}
+
+
+@pytest.mark.parametrize("kind", DRAWN)
+def test_what_is_drawn_on_the_map_is_downloaded_as_yaml_of_a_fleet_file(open_page, tmp_path, kind):
+    points, expected = DRAWN[kind]
+    page = open_page()
+    page.click(row(REX))
+    page.click("#draw")
+    page.select_option("#drawing select", kind)
+    for x, y in points:
+        page.mouse.click(*page.evaluate(f"fleetPage.whereIsPoint({x}, {y})"))
+    if kind != "fence":
+        page.fill("#drawing input", "drawn")
+    with page.expect_download() as download:
+        page.click("#drawing button.primary")
+    text = re.sub(r"-?\d+\.\d+", lambda found: str(round(float(found[0]))), download.value.path().read_text())
+    assert expected in text
+    fleet = yaml.safe_load(FLEET) | ({} if kind == "fence" else yaml.safe_load(text))
+    if kind == "fence":
+        fleet["robots"][0] |= yaml.safe_load(text)
+    (tmp_path / "fleet.yaml").write_text(yaml.safe_dump(fleet))
+    assert load(tmp_path / "fleet.yaml").problems == ()
+
+
+FLEET = """
+edge: {id: yard-1}
+site: {origin: [47.0, 8.0, 400.0]}
+robots:
+  - {name: rex, twin: 6f0c9a1e-8d2b-4c57-9a39-2f4a1d0b7c11, adapter: mavlink, link: "sim:px4"}
+"""
 
 
 def driven(asked):

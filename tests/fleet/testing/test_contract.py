@@ -1,5 +1,6 @@
 """The contract tests catch what they are for: each of these robots breaks one rule."""
 
+import struct
 import time
 from typing import Literal
 
@@ -137,6 +138,26 @@ async def crash(self):
 )
 def test_a_broken_frame_adapter_is_caught(test, changes):
     with pytest.raises((AssertionError, RuntimeError, ValueError, pytest.fail.Exception)):
+        getattr(broken(**changes), f"test_{test}")()
+
+
+@pytest.mark.parametrize(
+    ("test", "changes", "told"),
+    [
+        (
+            "each_example_of_what_the_robot_says_means_something",
+            {"decode": lambda *_: ()},
+            "leave frames without a report out of said",
+        ),
+        (
+            "every_velocity_becomes_frames_or_is_refused",
+            {"drive": lambda self, velocity: [struct.pack("<h", round(velocity.linear.x))]},
+            "clamp it, or raise Refused",
+        ),
+    ],
+)
+def test_a_failure_names_what_to_change(test, changes, told):
+    with pytest.raises(AssertionError, match=told):
         getattr(broken(**changes), f"test_{test}")()
 
 

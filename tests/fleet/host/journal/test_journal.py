@@ -18,7 +18,9 @@ from hypothesis import strategies as st
 from fleet.history.store import HISTORY, History
 from fleet.host.journal.execution_journal import SIZE, ExecutionJournal, Latched, Started
 from fleet.host.journal.journal import LOST, REMEMBERED, CommandEnd, Journal
-from fleet.model.command import ReplyStatus
+from fleet.model.command import Origin, ReplyStatus, Transport
+from fleet.model.geometry import Vector3
+from fleet.model.navigation import Navigate, RelativeMove
 from fleet.model.report import NavigationReport
 from fleet.spool.state_folder import JOURNAL, locked
 from fleet.testing.clock import ManualClock
@@ -112,6 +114,16 @@ async def test_an_action_that_was_cut_off_fails_once_and_is_not_begun_again(rest
         bench.ask(asks.goal("a1"))
         await asks.settle()
         assert bench.puppet.told == words
+
+
+@pytest.mark.parametrize(("name", "told"), [("move_forward", ["move_forward"]), ("navigate", [])])
+async def test_the_end_of_a_way_is_owed_to_who_asked_it_as_a_command(opened, restarted, asks, name, told):
+    bench = restarted()
+    bench.ask(
+        Navigate(RelativeMove(Vector3(1.0, 0.0, 0.0)), "m1", Origin(Transport.CLOUD, "tele"), name=name)
+    )
+    await asks.until(lambda: bench.puppet.told)
+    assert [each.name for each in opened().take_interrupted(["rex"])] == told
 
 
 async def test_a_release_of_earlier_does_not_release_a_later_stop(restarted, asks):

@@ -2,11 +2,14 @@
 
 from typing import Annotated
 
+import pytest
+
 from fleet.adapter import Adapter
 from fleet.bus import keys
 from fleet.commands import Range, command
 from fleet.host.robot.adapter_factory import capabilities
 from fleet.host.robot.command_descriptions import description, words
+from fleet.host.safety.fence import Fence
 from fleet.model.description import RobotDescription
 from fleet.robot_config import AdapterConfig, Limits
 
@@ -80,3 +83,21 @@ async def test_admission_says_why_a_command_would_be_refused_and_gives_the_robot
 def test_the_key_is_the_robots_own():
     assert keys.description("yard", "rex") == "fleet/yard/robots/rex/description"
     assert RobotDescription("rex", "toy", ()).commands == ()
+
+
+SQUARE = ((0.0, 0.0), (4.0, 0.0), (4.0, 4.0), (0.0, 4.0))
+
+
+@pytest.mark.parametrize("fence", [Fence((SQUARE,)), Fence(exclusion=(SQUARE,))])
+def test_the_polygons_of_a_fence_are_described(fence):
+    can = capabilities(Kite)
+    found = description("k", "kite", can, own=(), limits=Kite.limits, refusal=lambda *_: "", fence=fence)
+    assert (found.fence.inclusion, found.fence.exclusion) == (fence.inclusion, fence.exclusion)
+
+
+def test_a_robot_without_polygons_has_no_fence():
+    can = capabilities(Kite)
+    found = description(
+        "k", "kite", can, own=(), limits=Kite.limits, refusal=lambda *_: "", fence=Fence(ceiling=9.0)
+    )
+    assert found.fence is None

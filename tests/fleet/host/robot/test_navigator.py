@@ -48,7 +48,8 @@ class Bench:
     def start(self, task=GOTO, action="a1", navigate=None):
         self.adapter.navigate = navigate or self.navigate
         answers = []
-        self.navigator.start(self.adapter, task, action, Receipt("navigate", answers.append, waits=True))
+        receipt = Receipt("navigate", answers.append, waits=True)
+        self.navigator.start(self.adapter, Navigate(task, action), task, receipt)
         return answers
 
     def states(self, action="a1"):
