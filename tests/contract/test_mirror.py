@@ -85,6 +85,7 @@ ELSEWHERE = {
     "missions/observed.py": "fleet/missions/test_run.py",
     "missions/short_forms.py": "fleet/config/test_missions.py",
     "missions/together.py": "fleet/missions/test_run.py",
+    "missions/words.py": "fleet/cli/test_mission.py",
     "model/start.py": "fleet/cli/test_together.py",
     "missions/ending.py": "fleet/missions/test_engine_life.py",
     "missions/engine.py": "fleet/missions/test_engine_life.py",
