@@ -13,7 +13,7 @@ import time
 
 from bench.common import cpu_seconds, fleet, free_port, line, mosquitto, process, quantiles, robot, twin_of
 from bench.latency import DO_SET_HOME, Cloud, samples
-from fleet.cli.edges import Edges
+from fleet.client.edges import Edges
 
 AIRCRAFT = 50
 SECONDS = 8.0

@@ -11,6 +11,7 @@
     ├── StateError           what must outlive the edge cannot be kept where it was to be
     │   ├── StateTaken       another edge that runs has that place
     │   └── StateNewer       a newer fleet wrote the file
+    ├── NotRunning           no edge answers
     ├── MetricsError         the figures for Prometheus cannot be served
     └── CommandError         a command was not carried out
         ├── NotReady         not now; try again (``hint`` says when)
@@ -42,6 +43,10 @@ class WireError(FleetError):
     def __init__(self, message: str, *, where: str = "") -> None:
         super().__init__(f"{where}: {message}" if where else message)
         self.where = where
+
+
+class NotRunning(FleetError):
+    """No edge answers."""
 
 
 class LinkError(FleetError):

@@ -49,12 +49,14 @@ class Access(msgspec.Struct, frozen=True):
     """Access settings of an edge's bus: the role of each common name.
 
     ``twins`` are the edge's own, about which other edges may not publish; ``channels`` are those that
-    programs may write in addition to ``PROGRAM_CHANNELS``.
+    programs may write in addition to ``PROGRAM_CHANNELS``; ``coordinators`` the other edges that may command
+    the edge's robots in runs of missions.
     """
 
     roles: Mapping[str, Role]
     twins: tuple[str, ...] = ()
     channels: tuple[str, ...] = ()
+    coordinators: frozenset[str] = frozenset()
 
 
 class _Rule(msgspec.Struct, frozen=True):
@@ -108,7 +110,9 @@ def rules_of(role: Role, name: str, edge: str, access: Access) -> tuple[_Rule, .
         return _worker_rules(name, edge)
     foreign = tuple(f"cw/{twin}/data/**" for twin in access.twins)
     own = (f"fleet/{name}", f"fleet/{name}/**")
+    coordinated = (f"fleet/{edge}/coordinator", f"fleet/{edge}/robots/*/command")
     return (
+        *((_Rule(("query",), coordinated),) if name in access.coordinators else ()),
         _Rule((*_SAY, *_ANSWER, "liveliness_token"), own),
         _Rule((*_SAY, *_ANSWER), (_REPORTS,)),
         _Rule((*_SAY, *_ANSWER), ("cw/*/data/commands/**", *foreign), "deny"),

@@ -24,6 +24,7 @@ key                                    what
 ``fleet/{edge}/history``               query: events of its robots, with the senders of requests
 ``fleet/{edge}/missions/{name}``       query: parameters of a mission; with ``do=``, start it or rehearse it
 ``fleet/{edge}/runs/{run}``            publication, and query: a run's state; queries also control it
+``fleet/{edge}/coordinator``           query: the lease of its robots for a run of another edge
 ``fleet/{edge}/stop``                  emergency stop; publish or query on ``fleet/*/stop``
 =====================================  ====================================================
 """
@@ -148,6 +149,11 @@ def mission(edge_id: str, name: str) -> str:
 def run(edge_id: str, run_id: str) -> str:
     """Return the key of a run of a mission; ``*`` is every one."""
     return f"fleet/{edge_id}/runs/{run_id}"
+
+
+def coordinator(edge_id: str) -> str:
+    """Return the key on which an edge lets another coordinate its robots in a run."""
+    return f"fleet/{edge_id}/coordinator"
 
 
 def stop(edge_id: str) -> str:

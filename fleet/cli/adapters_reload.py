@@ -7,9 +7,9 @@ from collections.abc import Sequence
 
 import click
 
-from fleet.cli.edges import Edges, UnknownRobot
 from fleet.cli.options import reach_option
 from fleet.cli.output import ExitCode, Output, with_output
+from fleet.client.edges import Edges, UnknownRobot
 from fleet.config.text import nearest
 from fleet.model.state import RobotState
 

@@ -8,10 +8,10 @@ from pathlib import Path
 
 import click
 
-from fleet.cli.edges import Edges
-from fleet.cli.local_user import stamped
 from fleet.cli.output import ExitCode, Output, with_output
 from fleet.cli.robot_queries import RobotQuery
+from fleet.client.edges import Edges
+from fleet.client.local_user import stamped
 from fleet.config.load import load
 from fleet.errors import Refused
 from fleet.model.geometry import Vector3

@@ -12,7 +12,7 @@ from fleet.cli.output import Output, with_output
 from fleet.errors import FleetError
 
 if TYPE_CHECKING:
-    from fleet.cli.edges import Edges
+    from fleet.client.edges import Edges
 
 SHELLS = ("bash", "zsh", "fish")
 VARIABLE = "_FLEET_COMPLETE"
@@ -32,7 +32,7 @@ class RunningName(click.ParamType):  # type: ignore[type-arg]  # generic in newe
         incomplete: str,
     ) -> list[CompletionItem]:
         """Return the names that begin with what is written already; none where no edge answers."""
-        from fleet.cli.edges import Edges  # noqa: PLC0415 - the bus is not needed without completion
+        from fleet.client.edges import Edges  # noqa: PLC0415 - the bus is not needed without completion
 
         try:
             with Edges.reach(ctx.params.get("file")) as edges:

@@ -9,15 +9,16 @@ import os
 import click
 
 from fleet.bus.settings import runtime_dir
-from fleet.cli.edges import settings_of
-from fleet.cli.local_user import local_user
 from fleet.cli.options import reach_option
-from fleet.cli.output import ExitCode, NotRunning, Output, with_output
+from fleet.cli.output import ExitCode, Output, with_output
+from fleet.client.edges import settings_of
+from fleet.client.local_user import local_user
 from fleet.clock import SystemClock
 from fleet.console.child import EXTRA, ConsoleChild, is_installed
 from fleet.console.links import LinkAsked, all_links
 from fleet.console.sessions import Permission
 from fleet.console.task import PORT, ConsoleTask
+from fleet.errors import NotRunning
 from fleet.host.runtime.termination_signals import end_by_signal
 from fleet.runtime.event_loop import run
 

@@ -18,10 +18,10 @@ from typing import Any, NamedTuple
 import click
 
 from fleet.bus.settings import is_running, running_edges, runtime_dir
-from fleet.cli.local_user import local_user
 from fleet.cli.options import log_options
 from fleet.cli.output import ExitCode, Output, with_output
 from fleet.cli.serve import logs_to, serve
+from fleet.client.local_user import local_user
 from fleet.config.load import load
 from fleet.console.child import is_installed
 from fleet.console.links import LinkAsked

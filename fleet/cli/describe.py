@@ -7,9 +7,9 @@ import msgspec
 
 from fleet.cli import command_text
 from fleet.cli.completion import COMMAND, ROBOT
-from fleet.cli.edges import Edges
 from fleet.cli.options import reach_option
 from fleet.cli.output import ExitCode, Output, together, with_output
+from fleet.client.edges import Edges
 from fleet.config.text import nearest
 from fleet.errors import Refused, TimedOut
 from fleet.model.description import CommandDescription, RobotDescription

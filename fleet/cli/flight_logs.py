@@ -12,10 +12,10 @@ from pathlib import Path
 import click
 import msgspec
 
-from fleet.cli.edges import Edges
 from fleet.cli.options import reach_option
 from fleet.cli.output import ExitCode, Output, with_output
 from fleet.cli.robot_queries import RobotQuery
+from fleet.client.edges import Edges
 from fleet.errors import Refused
 from fleet.runtime.decoding import convert_strictly
 

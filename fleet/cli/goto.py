@@ -8,16 +8,15 @@ import click
 import msgspec
 
 from fleet.cli.completion import PLACE, ROBOT
-from fleet.cli.edges import Edges
 from fleet.cli.options import reach_option, timeout_option, wait_option
 from fleet.cli.output import ExitCode, Output, with_output
 from fleet.cli.send import ask_each
 from fleet.cli.together import at_option
+from fleet.client.edges import Edges
 from fleet.config.route import Waypoints, is_name, read_route, route_of
 from fleet.errors import Refused
-from fleet.model.place import Place
 from fleet.model.state import RobotState
-from fleet.wire.goals import GotoTarget, goals
+from fleet.wire.goals import GotoTarget, goals, target_of
 
 
 @click.command(context_settings={"ignore_unknown_options": True})
@@ -83,7 +82,7 @@ def goto(
     said = None if name else _aim(places, path, geo=geo, site=site)
 
     def messages(edges: Edges, robots: list[RobotState]) -> list[dict[str, object]]:
-        aim = said or _of_place(edges.place(name, robots))
+        aim = said or target_of(edges.place(name, robots))
         aim = msgspec.structs.replace(aim, yaw=aim.yaw if yaw is None else yaw, speed=speed, spacing=spacing)
         made = goals(aim, robots)
         for state in robots:
@@ -102,13 +101,6 @@ def _aim(places: tuple[str, ...], path: Path | None, *, geo: bool, site: bool) -
     frame = "geo" if geo or route.geo else "site" if site else "world"
     *way, (x, y, *z) = route.places
     return GotoTarget(x, y, z[0] if z else None, frame, way=tuple(way))
-
-
-def _of_place(place: Place) -> GotoTarget:
-    """Return how to go to a place of fleet.yaml."""
-    x, y, *z = place.at
-    frame = "geo" if place.frame == "geodetic" else "site"
-    return GotoTarget(x, y, z[0] if z else None, frame, place.heading, named=place)
 
 
 def _said(places: tuple[str, ...]) -> Waypoints:

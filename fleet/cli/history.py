@@ -10,11 +10,11 @@ from pathlib import Path
 import click
 import msgspec
 
-from fleet.cli.edges import Edges, UnknownRobot
 from fleet.cli.options import reach_option
-from fleet.cli.output import NotRunning, Output, with_output
+from fleet.cli.output import Output, with_output
 from fleet.cli.times import iso, since_option, when
-from fleet.errors import BusError, StateError
+from fleet.client.edges import Edges, UnknownRobot
+from fleet.errors import BusError, NotRunning, StateError
 from fleet.history.event_filter import MOST, EventFilter, newest
 from fleet.history.reader import read
 from fleet.history.record import Record

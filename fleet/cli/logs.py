@@ -11,9 +11,10 @@ import msgspec
 
 from fleet.bus.settings import runtime_dirs
 from fleet.cli.options import edge_file_option
-from fleet.cli.output import NotRunning, Output, counted, with_output
+from fleet.cli.output import Output, counted, with_output
 from fleet.cli.times import since_option
 from fleet.config.load import load
+from fleet.errors import NotRunning
 from fleet.host.logs.folders import log_folder, log_folders
 from fleet.host.logs.line_format import FORMAT, LogLine, as_text
 from fleet.runtime.decoding import json_decoder

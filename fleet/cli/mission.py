@@ -4,23 +4,31 @@ from __future__ import annotations
 
 import os
 import time
-import uuid
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
 import click
 import msgspec
 
 from fleet.cli.completion import ROBOT
-from fleet.cli.edges import Edges
-from fleet.cli.local_user import local_user
 from fleet.cli.options import reach_option
 from fleet.cli.output import ExitCode, Output, show_error, with_output
 from fleet.cli.rehearsals import follow_rehearsal
-from fleet.cli.runs import RUN_FILES, follow, one_run, robot_lines, state_line
+from fleet.cli.runs import follow, lane_lines
 from fleet.cli.send import pair
+from fleet.client.edges import Edges
+from fleet.client.local_user import local_user
+from fleet.client.missions import (
+    LOOK,
+    MISSION_FILES,
+    edge_of,
+    find_run,
+    known_mission,
+    mission_named,
+    start_mission,
+)
 from fleet.errors import Refused
-from fleet.missions.report import ControlAsk, MissionState, StartAsk
+from fleet.missions.report import ControlAsk, StartAsk
 from fleet.missions.words import told_line
 
 
@@ -51,7 +59,7 @@ def ls(out: Output, *, file: str | None) -> ExitCode:
 def show(out: Output, name: str, *, file: str | None) -> ExitCode:
     """Show what a mission takes, its roles and its steps."""
     with Edges.reach(file) as edges:
-        found = _known(edges, name)
+        found = known_mission(edges, name)
     out.data(msgspec.to_builtins(found))
     out.say(f"{found.name} on {found.edge}" + (f": {found.summary}" if found.summary else ""))
     for title, pairs in (("inputs", found.inputs), ("roles", found.roles)):
@@ -113,26 +121,19 @@ def run(
     For example:  fleet mission run survey.plan --robot kestrel
     """
     given = dict(pair(each) for each in inputs)
-    name, sent = _sent(what, robots)
-    with Edges.reach(file) as edges:
-        chosen = _chosen(robots, sent)
-        ask = StartAsk(
-            mission=sent, inputs=given, robots=chosen, run=uuid.uuid4().hex[:8], session_id=local_user()
-        )
-        edge = _edge_of(edges, name, chosen, sent)
-        shown = edges.start_mission(edge, name, msgspec.structs.replace(ask, only_fill=True))
-        if shown.refusal:
-            raise Refused(shown.refusal, hint=shown.hint)
-        for role, names in shown.roles.items():
+    _require_a_pilot(what, robots)
+
+    def show(roles: Mapping[str, Sequence[str]]) -> None:
+        for role, names in roles.items():
             out.note(f"{role}: {', '.join(names)}")
-        started = edges.start_mission(edge, name, msgspec.structs.replace(ask, robots=shown.roles))
-        if started.refusal:
-            raise Refused(started.refusal, hint=started.hint)
-        out.note(f"run {started.run} of {name} started")
+
+    with Edges.reach(file) as edges:
+        started = start_mission(edges, what, inputs=given, robots=_chosen(robots, what), filled=show)
+        out.note(f"run {started.id} of {mission_named(what)[0]} started")
         if detach:
-            out.data({"run": started.run, "roles": started.roles})
+            out.data({"run": started.id, "roles": started.roles})
             return ExitCode.OK
-        return follow(out, edges, started.run)
+        return follow(out, started)
 
 
 @mission.command("rehearse")
@@ -150,13 +151,14 @@ def rehearse(
     codes are those of run. A mission with rehearse: required is started for an hour after a rehearsal that
     went well.
     """
-    name, sent = _sent(what, robots)
+    _require_a_pilot(what, robots)
+    name, sent = mission_named(what)
     with Edges.reach(file) as edges:
-        chosen = _chosen(robots, sent)
+        chosen = _chosen(robots, what)
         given = dict(pair(each) for each in inputs)
         ask = StartAsk(mission=sent, inputs=given, robots=chosen, session_id=local_user())
         again = " ".join(["fleet mission run", what, *inputs, *(f"--robot {robot}" for robot in robots)])
-        return follow_rehearsal(out, edges, _edge_of(edges, name, chosen, sent), name, ask, again)
+        return follow_rehearsal(out, edges, edge_of(edges, name, chosen, sent), name, ask, again)
 
 
 @mission.command("ps")
@@ -164,16 +166,19 @@ def rehearse(
 @reach_option
 @with_output
 def ps(out: Output, *, ended: bool, file: str | None) -> ExitCode:
-    """Show the runs that are under way, with what each of their robots does."""
+    """Show the runs that are under way, with a lane for each of their robots: what it did, and does.
+
+    On a terminal it follows them until they have ended, or until Ctrl-C; they go on.
+    """
     with Edges.reach(file) as edges:
-        found = [each for each in edges.runs("*") if ended or not each.outcome]
+        while True:
+            found = [each for each in edges.runs("*") if ended or not each.outcome]
+            if out.as_json or out.height is None or not any(not each.outcome for each in found):
+                break
+            out.screen(lane_lines(found, out.width))
+            time.sleep(LOOK)
     out.data({"runs": [msgspec.to_builtins(each) for each in found]})
-    for each in found:
-        out.say(state_line(each))
-        for line in robot_lines(each):
-            out.say(f"  {line}")
-    if not found:
-        out.say("no run is under way")
+    out.lines(lane_lines(found, out.width))
     return ExitCode.OK
 
 
@@ -213,7 +218,7 @@ def answer(out: Output, answer: str, run: str, *, file: str | None) -> ExitCode:
 def story(out: Output, run: str, *, file: str | None) -> ExitCode:
     """Tell what happened in RUN, step by step; of the newest run when left out."""
     with Edges.reach(file) as edges:
-        state = one_run(edges, run, ended=True)
+        state = find_run(edges, run, ended=True)
         lines = edges.story(state.edge, state.run)
     out.data({"run": state.run, "log": [msgspec.to_builtins(each) for each in lines]})
     for each in lines:
@@ -222,12 +227,38 @@ def story(out: Output, run: str, *, file: str | None) -> ExitCode:
     return ExitCode.OK
 
 
+@mission.command("results")
+@click.argument("run", required=False, default="")
+@reach_option
+@with_output
+def results(out: Output, run: str, *, file: str | None) -> ExitCode:
+    """List what RUN left behind on its edge's disk: tracks, pictures, its log; of the newest when left out.
+
+    A track is CSV: Unix seconds, then x, y, z in metres.
+    """
+    with Edges.reach(file) as edges:
+        state = find_run(edges, run, ended=True)
+        found = edges.results(state.edge, state.run)
+        log = edges.story(state.edge, state.run)
+    listed = [msgspec.to_builtins(each) for each in found]
+    out.data({"run": state.run, "edge": state.edge, "results": listed, "log": len(log)})
+    rows = [
+        [each.kind, each.robot, f"{each.points} points" if each.points else f"{each.bytes} bytes", each.file]
+        for each in found
+    ]
+    out.table(
+        ["kind", "robot", "size", "file"],
+        [*rows, ["log", "", f"{len(log)} lines", f"fleet mission log {state.run}"]],
+    )
+    return ExitCode.OK
+
+
 def _controlled(
     out: Output, file: str | None, run: str, ask: Callable[[str], ControlAsk], *, asks: bool = False
 ) -> ExitCode:
     """Control a run; tell that it was taken."""
     with Edges.reach(file) as edges:
-        state = one_run(edges, run)
+        state = find_run(edges, run)
         wanted = ask(local_user())
         if asks and state.question is not None:
             wanted = msgspec.structs.replace(wanted, question=state.question.id)
@@ -239,68 +270,28 @@ def _controlled(
     return ExitCode.OK
 
 
-def _known(edges: Edges, name: str) -> MissionState:
-    """Return a mission by its name; raises Refused."""
-    found = edges.missions(name)
-    if not found:
-        known = ", ".join(each.name for each in edges.missions("*")) or "none"
-        raise Refused(f"there is no mission {name!r}", hint=f"there are: {known}")
-    if len(found) > 1:
-        raise Refused(
-            f"several edges have a mission {name!r}", hint="name the edge by its file: -f fleet.yaml"
-        )
-    return found[0]
-
-
-def _sent(what: str, robots: tuple[str, ...]) -> tuple[str, dict[str, object] | None]:
-    """Return a mission's name, and the mission itself where it stands in a file here."""
-    path = Path(what)
-    if path.suffix not in RUN_FILES:
-        return what, None
-    name = "".join(each if each.isalnum() else "-" for each in path.stem.lower()) or "plan"
-    if path.suffix in {".yaml", ".yml"}:
-        from fleet.config.missions import Known, read_mission  # noqa: PLC0415 - pydantic is slow to import
-
-        return name, read_mission(path, os.environ, Known()).data
-    if not robots:
+def _require_a_pilot(what: str, robots: tuple[str, ...]) -> None:
+    """Raise UsageError for a plan that nobody is to fly."""
+    if Path(what).suffix in MISSION_FILES - {".yaml", ".yml"} and not robots:
         raise click.UsageError("a plan is flown by one aircraft: --robot NAME")
-    return name, plan_mission(path)
 
 
-def plan_mission(path: Path) -> dict[str, object]:
-    """Return the mission of one step that lets one aircraft fly a plan file; raises Refused."""
-    from fleet.errors import WireError  # noqa: PLC0415
-    from fleet.missions.plan import mission_of_plan, plan_in  # noqa: PLC0415
-
-    try:
-        return mission_of_plan(plan_in(path.read_bytes()), f"the plan {path.name}")
-    except (OSError, WireError) as error:
-        raise Refused(f"{path}: {error}") from None
+def _roles_of(what: str) -> list[str]:
+    """Return the roles of a mission file; empty for a mission of fleet.yaml."""
+    _, sent = mission_named(what)
+    declared = sent.get("roles") if sent is not None else None
+    return list(declared) if isinstance(declared, dict) else []
 
 
-def _chosen(robots: tuple[str, ...], sent: dict[str, object] | None) -> dict[str, list[str]]:
+def _chosen(robots: tuple[str, ...], what: str) -> dict[str, list[str]]:
     """Return the robots that a person chose, by role; without a role where the mission has only one."""
     chosen: dict[str, list[str]] = {}
     for each in robots:
         role, equals, name = each.rpartition("=")
         if not equals:
-            declared = sent.get("roles") if sent is not None else None
-            roles = list(declared) if isinstance(declared, dict) else []
+            roles = _roles_of(what)
             if len(roles) != 1:
                 raise click.UsageError(f"--robot {name}: say for which role, as in --robot eye={name}")
             role = roles[0]
         chosen.setdefault(role, []).append(name)
     return chosen
-
-
-def _edge_of(edges: Edges, name: str, chosen: dict[str, list[str]], sent: dict[str, object] | None) -> str:
-    """Return which edge is to run a mission; raises Refused."""
-    if sent is None:
-        return _known(edges, name).edge
-    owners = {robot.edge for names in chosen.values() for each in names for robot in edges.named(each)}
-    owners = owners or {edge.edge for edge in edges.edges()}
-    if len(owners) != 1:
-        raise Refused(
-            f"several edges could run it: {', '.join(sorted(owners))}", hint="-f fleet.yaml says which"
-        )
-    return owners.pop()

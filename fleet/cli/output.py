@@ -16,7 +16,7 @@ from typing import TextIO
 import click
 
 from fleet.config.text import printable
-from fleet.errors import CommandError, ConfigError, FleetError, TimedOut
+from fleet.errors import CommandError, ConfigError, FleetError, NotRunning, TimedOut
 
 GAP = "  "
 _TO_THE_TOP = "\x1b[H"  # ANSI: home, erase to the end of the line, erase to the end of the screen
@@ -39,10 +39,6 @@ class ExitCode(enum.IntEnum):
     ENDED = 8  # a mission ended, and was not completed
     UNKNOWN = 9  # nobody knows how a mission ended
     INTERRUPTED = 130  # ctrl-c
-
-
-class NotRunning(FleetError):
-    """No edge answers."""
 
 
 _EXIT_OF: Mapping[type[FleetError], ExitCode] = {

@@ -9,11 +9,11 @@ import click
 import msgspec
 
 from fleet.cli.completion import ROBOT
-from fleet.cli.edges import Edges
 from fleet.cli.options import reach_option
 from fleet.cli.output import ExitCode, Output, counted, together, with_output
 from fleet.cli.parameters import read, same, shown, written
 from fleet.cli.robot_queries import QueryResult, RobotQuery, query_all
+from fleet.client.edges import Edges
 from fleet.errors import FleetError, Refused
 from fleet.runtime.decoding import convert_strictly
 

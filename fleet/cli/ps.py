@@ -9,11 +9,11 @@ from collections.abc import Iterator
 import click
 import msgspec
 
-from fleet.cli.edges import Edges
 from fleet.cli.options import reach_option
-from fleet.cli.output import NotRunning, Output, with_output
+from fleet.cli.output import Output, with_output
 from fleet.cli.overview import overview
-from fleet.errors import FleetError
+from fleet.client.edges import Edges
+from fleet.errors import FleetError, NotRunning
 from fleet.model.state import EdgeState, RobotState
 
 EVERY = 1.0  # s between two looks of --watch

@@ -8,9 +8,9 @@ from collections.abc import Iterator
 import msgspec
 
 from fleet.bus import keys
-from fleet.cli.edges import Edges
 from fleet.cli.output import ExitCode, Output
 from fleet.cli.runs import EXITS
+from fleet.client.edges import Edges
 from fleet.errors import Refused
 from fleet.missions.rehearsal import RehearsalAsk, RehearsalNote, RehearsalResult, RehearsalState
 from fleet.missions.report import StartAsk

@@ -6,15 +6,15 @@ from collections.abc import Iterable
 
 import click
 
-from fleet.cli.edges import Edges
 from fleet.cli.history import for_programs as event_for_programs
 from fleet.cli.history import who
-from fleet.cli.local_user import stamped
 from fleet.cli.options import reach_option
 from fleet.cli.output import ExitCode, Output, together, with_output
 from fleet.cli.ps import for_programs
 from fleet.cli.send import RECEIPT_WITHIN, code_of, last_reply
 from fleet.cli.times import when
+from fleet.client.edges import Edges
+from fleet.client.local_user import stamped
 from fleet.history.event_filter import MOST, EventFilter
 from fleet.history.record import Record
 from fleet.history.stop_causes import stop_causes

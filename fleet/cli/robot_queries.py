@@ -7,8 +7,8 @@ from typing import Any
 
 import msgspec
 
-from fleet.cli.edges import Edges
-from fleet.cli.local_user import stamped
+from fleet.client.edges import Edges
+from fleet.client.local_user import stamped
 from fleet.errors import FleetError, Refused, TimedOut
 from fleet.model.command import Reply, ReplyStatus
 from fleet.model.state import RobotState

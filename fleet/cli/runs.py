@@ -2,35 +2,19 @@
 
 from __future__ import annotations
 
-import time
+from collections.abc import Sequence
 
 import msgspec
 
-from fleet.cli.edges import Edges
-from fleet.cli.output import ExitCode, Output
-from fleet.errors import Refused
-from fleet.missions.report import RunState
+from fleet.cli.output import ExitCode, Output, table_lines
+from fleet.client.missions import MissionRun
+from fleet.config.text import printable
+from fleet.errors import TimedOut
+from fleet.missions.report import RunRobot, RunState
 from fleet.missions.words import OUTCOMES, phase_words, step_of
 
-LOOK = 0.5  # s
-RUN_FILES = frozenset({".yaml", ".yml", ".plan", ".json"})
+WIDE = 200  # columns of a table that goes to no terminal
 EXITS = {"completed": ExitCode.OK, "completed_with_losses": ExitCode.SOME_FAILED, "unknown": ExitCode.UNKNOWN}
-SILENT = 10.0  # s without a word of the edge after which nobody knows; the edge may be restarting
-
-
-def one_run(edges: Edges, run: str, *, ended: bool = False) -> RunState:
-    """Return a run by its id or its beginning; left out, the only one under way, or the newest. Refused."""
-    found = [each for each in edges.runs("*") if ended or not each.outcome]
-    if run:
-        found = [each for each in found if each.run.startswith(run)]
-    elif ended:
-        found = sorted(found, key=lambda each: each.started)[-1:]
-    if len(found) == 1:
-        return found[0]
-    what = f"run {run!r}" if run else "run"
-    if not found:
-        raise Refused(f"there is no {what}" + ("" if ended else " under way"), hint="fleet mission ps --all")
-    raise Refused(f"there are several: {', '.join(each.run for each in found)}", hint="name one")
 
 
 def state_line(state: RunState) -> str:
@@ -61,27 +45,40 @@ def robot_lines(state: RunState) -> list[str]:
     return lines
 
 
-def follow(out: Output, edges: Edges, run: str) -> ExitCode:
+def lane_lines(states: Sequence[RunState], width: int | None) -> list[str]:
+    """Return runs as lines: each with its robots below it, and the lane of each; ``width`` of the screen."""
+    lines = [] if states else ["no run is under way"]
+    for state in states:
+        rows = [
+            [each.robot, each.role, each.doing or each.outcome or "waits", " > ".join(each.lane) + _why(each)]
+            for each in state.robots
+        ]
+        shown = table_lines(["robot", "role", "now", "lane"], rows, (width or WIDE) - 2)
+        lines += [printable(state_line(state))[:width], *(f"  {row}"[:width] for row in shown)]
+    return lines
+
+
+def _why(robot: RunRobot) -> str:
+    """Return why a robot is out of its run, as the end of its lane."""
+    return f" ({robot.reason})" if robot.reason else ""
+
+
+def follow(out: Output, run: MissionRun) -> ExitCode:
     """Follow a run to its end; ctrl-c leaves it running."""
     shown: set[str] = set()
-    heard = time.monotonic()
     try:
-        while True:
-            found = edges.runs(run)
-            if found:
-                heard = time.monotonic()
-                _tell(out, found[0], shown)
-                if found[0].outcome:
-                    return _ended(out, found[0])
-            elif time.monotonic() - heard > SILENT:
-                out.note(f"run {run}: the edge does not answer; nobody knows")
-                out.data({"run": run, "outcome": "unknown"})
-                return ExitCode.UNKNOWN
-            time.sleep(LOOK)
+        for state in run.follow():
+            _tell(out, state, shown)
+            if state.outcome:
+                return _ended(out, state)
+    except TimedOut as error:
+        out.note(str(error))
     except KeyboardInterrupt:
         out.note("")  # the terminal has shown ^C on this line
-        out.note(f"run {run} goes on without this command; end it with: fleet mission abort {run}")
+        out.note(f"run {run.id} goes on without this command; end it with: fleet mission abort {run.id}")
         return ExitCode.INTERRUPTED
+    out.data({"run": run.id, "outcome": "unknown"})
+    return ExitCode.UNKNOWN
 
 
 def _tell(out: Output, state: RunState, shown: set[str]) -> None:

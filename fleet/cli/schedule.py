@@ -10,11 +10,11 @@ import click
 import msgspec
 
 from fleet.cli.completion import SCHEDULE
-from fleet.cli.edges import Edges
-from fleet.cli.local_user import local_user
 from fleet.cli.options import reach_option
 from fleet.cli.output import ExitCode, Output, with_output
 from fleet.cli.times import iso, when
+from fleet.client.edges import Edges
+from fleet.client.local_user import local_user
 from fleet.errors import Refused
 from fleet.model.schedule import Firing, ScheduleAsked, ScheduleState
 

@@ -10,12 +10,12 @@ from typing import Any
 import click
 
 from fleet.cli.completion import COMMAND, ROBOT
-from fleet.cli.edges import Edges
-from fleet.cli.local_user import stamped
 from fleet.cli.options import reach_option, timeout_option, wait_option
 from fleet.cli.output import ExitCode, Output, together, with_output
 from fleet.cli.ps import for_programs
 from fleet.cli.together import Answers, CommonStart, at_option
+from fleet.client.edges import Edges
+from fleet.client.local_user import stamped
 from fleet.model.command import Reply, ReplyStatus
 from fleet.model.state import RobotState
 

@@ -20,11 +20,11 @@ from fleet.bus import keys
 from fleet.bus.bus import join_control
 from fleet.bus.settings import BusSettings, running_edges, runtime_dirs
 from fleet.bus.zenoh_session import ZenohSession
-from fleet.cli.edges import ANSWER_WITHIN, START, Edges, decoded
-from fleet.cli.local_user import local_user
 from fleet.cli.options import reach_option
-from fleet.cli.output import ExitCode, NotRunning, Output, with_output
-from fleet.errors import BusError
+from fleet.cli.output import ExitCode, Output, with_output
+from fleet.client.edges import ANSWER_WITHIN, START, Edges, decoded
+from fleet.client.local_user import local_user
+from fleet.errors import BusError, NotRunning
 from fleet.host.requests.stop_cause import parameters_of
 from fleet.supervisor.protocol import StopAnswer
 from fleet.supervisor.stop_request import stop_all

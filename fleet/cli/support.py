@@ -16,10 +16,10 @@ from pathlib import Path
 import click
 import msgspec
 
-from fleet.cli.edges import Edges
 from fleet.cli.history import for_programs
 from fleet.cli.output import ExitCode, Output, with_output
 from fleet.cli.ps import for_programs as state_for_programs
+from fleet.client.edges import Edges
 from fleet.config.load import load
 from fleet.config.masking import Masking, kept_secrets, secrets_in
 from fleet.config.problems import InvalidConfig

@@ -20,8 +20,8 @@ import msgspec
 
 from fleet.bus import keys
 from fleet.bus.zenoh_session import ZenohSession
-from fleet.cli.edges import Edges, decoded
-from fleet.cli.local_user import stamped
+from fleet.client.edges import Edges, decoded
+from fleet.client.local_user import stamped
 from fleet.errors import Refused
 from fleet.model.command import Reply
 from fleet.model.start import (

@@ -10,9 +10,9 @@ import re
 import click
 
 from fleet.bus.settings import BusSettings, runtime_dir
-from fleet.cli.edges import Edges
 from fleet.cli.options import reach_option
 from fleet.cli.output import ExitCode, Output, with_output
+from fleet.client.edges import Edges
 from fleet.clock import SystemClock
 from fleet.errors import Refused
 from fleet.host.logs.setup import LogSettings, start_logging

@@ -194,6 +194,22 @@ def check_schedules(data: Mapping[str, object], document: Document) -> None:
                 document.report(mark, f"there is no robot {robot!r}", nearest(robot, robots))
 
 
+def check_partners(data: Mapping[str, object], document: Document) -> None:
+    """Report robots of other edges whose names are taken, and an edge that is its own partner."""
+    partners, listed, edge = data.get("partners"), data.get("robots"), data.get("edge")
+    robots = listed if isinstance(listed, list) else []
+    taken = {str(robot.get("name")) for robot in robots if isinstance(robot, dict)}
+    for name, partner in partners.items() if isinstance(partners, dict) else ():
+        if isinstance(edge, dict) and edge.get("id") == name:
+            document.report(document.keys["partners", name], "this is the edge of this file")
+        there = partner.get("robots") if isinstance(partner, dict) else None
+        for at, robot in enumerate(there if isinstance(there, list) else ()):
+            if str(robot) in taken:
+                mark = document.marks["partners", name, "robots", at]
+                document.report(mark, f"there is another robot {robot!r}", "missions go by their names")
+            taken.add(str(robot))
+
+
 def check_workflows(data: Mapping[str, object], document: Document) -> None:
     """Report workflows of missions that there are not."""
     cloud, missions = data.get("cloud"), data.get("missions")

@@ -14,6 +14,10 @@ def known_of(data: Mapping[str, Any]) -> Known:
     robots = [
         robot.get("name") for robot in (listed if isinstance(listed, list) else ()) if isinstance(robot, dict)
     ]
+    partners = data.get("partners")
+    for partner in partners.values() if isinstance(partners, dict) else ():
+        there = partner.get("robots") if isinstance(partner, dict) else None
+        robots += there if isinstance(there, list) else []
     groups = data.get("groups")
     places = data.get("places")
     names = [str(name) for name in (*robots, *(groups if isinstance(groups, dict) else ()))]

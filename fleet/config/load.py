@@ -22,6 +22,7 @@ from fleet.config.checks import (
     check_bus,
     check_followers,
     check_notify,
+    check_partners,
     check_robots,
     check_schedules,
     check_stop_inputs,
@@ -37,7 +38,7 @@ from fleet.config.environment import cloud_from_environment
 from fleet.config.explain import validated, validated_with
 from fleet.config.groups import check_groups, contradiction, said_by_groups
 from fleet.config.known import known_of
-from fleet.config.mission_ways import WayCheck
+from fleet.config.mission_ways import check_ways
 from fleet.config.missions import Mission, check_missions
 from fleet.config.places import check_places
 from fleet.config.problems import InvalidConfig, Path, Problem
@@ -129,7 +130,7 @@ def _load(file: pathlib.Path, environ: Mapping[str, str], partial: bool, registr
     robots = _robots(document, registry, context)
     _check_together(document, sections, robots)
     missions = check_missions(data, document, file.parent, known_of(data))
-    _check_ways(document, sections, robots, missions)
+    check_ways(document, sections, (made.config for made in robots.values()), missions)
     _warn(document, sections, robots)
     problems = tuple(sorted(set(document.problems), key=_place_in_file))
     runnable = _runnable(robots, problems)
@@ -157,23 +158,13 @@ def _check_together(document: Document, sections: Sections | None, robots: Mappi
     check_notify(document.data, document)
     check_schedules(document.data, document)
     check_workflows(document.data, document)
+    check_partners(document.data, document)
     configs = {index: robot.config for index, robot in robots.items()}
     check_followers(configs, document)
     if sections is not None:
         check_bus(sections.bus, document)
         check_workers(sections, document)
         check_places(sections.places, configs.values(), sections.site.origin, document)
-
-
-def _check_ways(
-    document: Document, sections: Sections | None, robots: Mapping[int, _Made], missions: Iterable[Mission]
-) -> None:
-    """Report goals of missions that the fences of their robots do not allow."""
-    if sections is not None:
-        configs = [robot.config for robot in robots.values()]
-        check = WayCheck(configs, sections.members, sections.places, sections.site.origin, document)
-        for mission in missions:
-            check.check(mission.config, ("missions", mission.name))
 
 
 def _warn(document: Document, sections: Sections | None, robots: Mapping[int, _Made]) -> None:

@@ -9,8 +9,10 @@ from collections.abc import Iterable, Iterator, Mapping
 from typing import Any
 
 from fleet.config.inner_missions import all_steps
+from fleet.config.missions import Mission
 from fleet.config.places import PlaceConfig, Site, is_allowed, places_of
 from fleet.config.problems import Path
+from fleet.config.schema import Sections
 from fleet.config.yaml import Document
 from fleet.missions.model import ALL, ActConfig, MissionConfig, RoleConfig
 from fleet.missions.points import is_point
@@ -92,3 +94,17 @@ class WayCheck:
             self._document.report(mark, f"{message}: no robot of the role can go there")
         else:
             self._document.warn(mark, message, "they would refuse to go there")
+
+
+def check_ways(
+    document: Document,
+    sections: Sections | None,
+    robots: Iterable[AdapterConfig],
+    missions: Iterable[Mission],
+) -> None:
+    """Report goals of missions that the fences of their robots do not allow."""
+    if sections is None:
+        return
+    check = WayCheck(robots, sections.members, sections.places, sections.site.origin, document)
+    for mission in missions:
+        check.check(mission.config, ("missions", mission.name))

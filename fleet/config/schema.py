@@ -308,6 +308,19 @@ class StopInputConfig(Model):
         return self
 
 
+class PartnerConfig(Model):
+    """Another edge of the site, for missions of several edges."""
+
+    robots: tuple[Name, ...] = Field(
+        (), description="Robots of that edge that missions of this one may use, by name."
+    )
+    coordinates: bool = Field(
+        False,
+        description="That edge may have robots of this one in its runs; if it falls silent meanwhile, this "
+        "edge does what the mission says of robots that fail (robot_failed.do).",
+    )
+
+
 class Sections(Model):
     """Everything in fleet.yaml but the robots themselves."""
 
@@ -350,6 +363,9 @@ class Sections(Model):
     )
     schedules: dict[Name, ScheduleConfig] = Field(
         {}, description="When missions start by themselves (docs/how-to/groups.md)."
+    )
+    partners: dict[Name, PartnerConfig] = Field(
+        {}, description="Other edges with which this one carries out missions, by their id."
     )
     places: dict[Name, PlaceConfig] = Field(
         {}, description="Named points and areas: where robots are sent by name, and what missions occupy."

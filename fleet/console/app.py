@@ -34,6 +34,10 @@ from fleet.runtime.decoding import decode_json
 
 NOT_IN = "nobody is signed in: open a new link, which  fleet console --link  prints"
 USED = "this link was used already, or is older than ten minutes: fleet console --link  prints a new one"
+PROOF = "x-fleet-proof"
+"""The header in which a page shows its proof."""
+PROTOCOL = "fleet.console"
+"""The protocol of the WebSocket; the proof is named after it, for a page can set no header there."""
 TRY_AGAIN_LATER = 1013  # close code: overloaded
 
 
@@ -71,7 +75,9 @@ class _App:
 
     def _operator(self, connection: HTTPConnection) -> Operator | None:
         """Return whose session a request shows."""
-        return self._sessions.operator_of(connection.cookies)
+        shown = connection.scope.get("subprotocols") or []
+        proof = shown[-1] if PROTOCOL in shown[:-1] else connection.headers.get(PROOF, "")
+        return self._sessions.operator_of(connection.cookies, proof)
 
     async def _file(self, request: Request) -> Response:
         """Serve a file of the page."""
@@ -86,12 +92,12 @@ class _App:
             token = decode_json(await _body(request), _Given).token
         except (msgspec.DecodeError, WireError):
             return _json({"error": "the token cannot be read"}, 400)
-        cookie = self._sessions.open(token)
-        if cookie is None:
+        opened = self._sessions.open(token)
+        if opened is None:
             return _json({"error": USED}, 403)
-        operator = self._sessions.operator_of({self._sessions.cookie: cookie})
-        response = _json(_shown(operator))
-        response.set_cookie(self._sessions.cookie, cookie, httponly=True, samesite="strict", path="/")
+        operator = self._sessions.operator_of({self._sessions.cookie: opened.cookie}, opened.proof)
+        response = _json(_shown(operator) | {"proof": opened.proof})
+        response.set_cookie(self._sessions.cookie, opened.cookie, httponly=True, samesite="strict", path="/")
         return response
 
     async def _session(self, request: Request) -> Response:
@@ -121,9 +127,9 @@ class _App:
         """Serve the WebSocket of a page."""
         operator = self._operator(socket)
         if operator is None:
-            await socket.send_denial_response(_json({"error": NOT_IN}, 401))
+            await socket.close()
             return
-        await socket.accept()
+        await socket.accept(PROTOCOL)
         if len(self._hub.tabs) >= MOST_TABS:
             await socket.close(TRY_AGAIN_LATER, f"{MOST_TABS} pages are open already; close one")
             return

@@ -96,7 +96,7 @@ class Guard:
         refusal = refusal_of(method, Headers(scope=scope), target, scheme=scheme)
 
         async def answer(message: Message) -> None:
-            if message["type"] in ("http.response.start", "websocket.http.response.start"):
+            if message["type"] == "http.response.start":
                 with_headers(message, _ANSWERS.items())
             await send(message)
 
@@ -114,7 +114,9 @@ def with_headers(message: Message, headers: Iterable[tuple[str, str]]) -> None:
 
 
 async def _refuse(scope: Scope, receive: Receive, send: Send, why: str) -> None:
-    """Answer 403 with the reason; a WebSocket gets it in place of its handshake."""
+    """Answer 403, with the reason unless it is a WebSocket."""
     if scope["type"] == "websocket":
         await receive()
+        await send({"type": "websocket.close"})
+        return
     await PlainTextResponse(f"refused: {why}\n", status_code=403)(scope, receive, send)

@@ -45,10 +45,18 @@ class _Link(msgspec.Struct, frozen=True):
     until: float
 
 
+class Opened(msgspec.Struct, frozen=True):
+    """What a browser gets for a link: the value of its cookie, and the proof that its page keeps."""
+
+    cookie: str
+    proof: str
+
+
 class _Session(msgspec.Struct):
-    """A session of one browser."""
+    """A session of one browser; ``proof`` is a digest."""
 
     operator: Operator
+    proof: bytes
     until: float
 
 
@@ -56,7 +64,8 @@ class Sessions:
     """The links and sessions of one console. Only digests of tokens are kept: memory does not tell them.
 
     ``cookie`` is the name of the session's cookie. It has the instance in it, because a browser sends the
-    cookies of one port of a computer to all of its ports.
+    cookies of one port of a computer to all of its ports. For the same reason a cookie alone is worth
+    nothing: the page shows a proof beside it, from its own storage, which belongs to the port.
     """
 
     def __init__(self, clock: Clock) -> None:
@@ -76,8 +85,8 @@ class Sessions:
         self._links[_digest(token)] = _Link(operator, now + LINK_LIFE)
         return token
 
-    def open(self, token: str) -> str | None:
-        """Return the cookie of a new session for a token, which is used up; None for one that is no good."""
+    def open(self, token: str) -> Opened | None:
+        """Return a new session for a token, which is used up; None for one that is no good."""
         now = self._clock.monotonic()
         link = self._links.pop(_digest(token), None)
         if link is None or link.until <= now:
@@ -85,16 +94,17 @@ class Sessions:
         self._sessions = {key: found for key, found in self._sessions.items() if found.until > now}
         while len(self._sessions) >= MOST_SESSIONS:
             self._sessions.pop(min(self._sessions, key=lambda key: self._sessions[key].until))
-        cookie = secrets.token_urlsafe(_BYTES)
-        self._sessions[_digest(cookie)] = _Session(link.operator, now + SESSION_LIFE)
-        return cookie
+        opened = Opened(secrets.token_urlsafe(_BYTES), secrets.token_urlsafe(_BYTES))
+        session = _Session(link.operator, _digest(opened.proof), now + SESSION_LIFE)
+        self._sessions[_digest(opened.cookie)] = session
+        return opened
 
-    def operator_of(self, cookies: Mapping[str, str]) -> Operator | None:
-        """Return whose session the cookies of a request show, None without one; its use renews it."""
+    def operator_of(self, cookies: Mapping[str, str], proof: str) -> Operator | None:
+        """Return whose session a request shows, None without one; its use renews it."""
         cookie = cookies.get(self.cookie)
         now = self._clock.monotonic()
         session = self._sessions.get(_digest(cookie)) if cookie else None
-        if session is None or session.until <= now:
+        if session is None or session.until <= now or session.proof != _digest(proof):
             return None
         session.until = now + SESSION_LIFE
         return session.operator

@@ -7,8 +7,10 @@ from typing import Any, Literal
 
 import msgspec
 
+from fleet.config.missions import Mission
 from fleet.missions.engine import Engine
-from fleet.missions.state import Head, Member
+from fleet.missions.grammar_words import role_words, step_words
+from fleet.missions.state import Head, Member, Part
 from fleet.missions.store import About
 
 
@@ -43,7 +45,7 @@ class Started(msgspec.Struct, frozen=True, omit_defaults=True):
 class ControlAsk(msgspec.Struct, frozen=True, omit_defaults=True):
     """Control a run; ``question`` is what is answered."""
 
-    do: Literal["pause", "resume", "abort", "answer", "log"]
+    do: Literal["pause", "resume", "abort", "answer", "log", "results"]
     question: int = 0
     goes_on: bool = False
     session_id: str = ""
@@ -56,7 +58,7 @@ class Controlled(msgspec.Struct, frozen=True, omit_defaults=True):
 
 
 class RunRobot(msgspec.Struct, frozen=True, omit_defaults=True):
-    """One robot of a run: what it does now, or why it is out."""
+    """One robot of a run: what it does now, or why it is out. ``lane``: its newest parts, how they ended."""
 
     robot: str
     role: str
@@ -64,6 +66,7 @@ class RunRobot(msgspec.Struct, frozen=True, omit_defaults=True):
     within: bool = True
     outcome: str = ""
     reason: str = ""
+    lane: tuple[str, ...] = ()
 
 
 class AskedNow(msgspec.Struct, frozen=True, omit_defaults=True):
@@ -131,7 +134,10 @@ def state_of(engine: Engine, about: About, edge: str, seconds: float, problem: s
         AskedNow(question.id, question.text, round(question.until - seconds, 1), question.on_timeout)
         if question
         else None,
-        tuple(_bus_session(member, doing.get(member.robot, "")) for member in engine.robots.members.values()),
+        tuple(
+            _robot(member, doing.get(member.robot, ""), engine.robots.lanes[member.robot])
+            for member in engine.robots.members.values()
+        ),
         problem,
         about.way,
         head.waits_for,
@@ -151,13 +157,33 @@ def ended_state(about: About, head: Head, members: Iterable[Member], edge: str) 
         hash=about.hash,
         outcome=head.outcome.value if head.outcome else "",
         reason=head.reason,
-        robots=tuple(_bus_session(member, "") for member in members),
+        robots=tuple(_robot(member, "", ()) for member in members),
         way=about.way,
     )
 
 
-def _bus_session(member: Member, doing: str) -> RunRobot:
+def _robot(member: Member, doing: str, parts: Iterable[Part]) -> RunRobot:
     """Return one robot of a run."""
     outcome = member.outcome.value if member.outcome else ""
     doing = "spare" if member.spare else doing
-    return RunRobot(member.robot, member.role, doing, member.within, outcome, member.reason)
+    lane = tuple(f"{part.act.words} {part.outcome or '...'}" for part in parts)
+    return RunRobot(member.robot, member.role, doing, member.within, outcome, member.reason, lane)
+
+
+def mission_state(mission: Mission, edge: str) -> MissionState:
+    """Return what people are shown of a mission."""
+    config = mission.config
+    return MissionState(
+        mission.name,
+        edge,
+        config.summary,
+        {name: _words(each.type, each.unit, each.default) for name, each in config.inputs.items()},
+        {name: role_words(role) for name, role in config.roles.items()},
+        tuple(map(step_words, config.steps)),
+    )
+
+
+def _words(kind: str, unit: str, default: object) -> str:
+    """Return an input in words."""
+    words = f"{kind} {unit}".strip()
+    return words if default is None else f"{words}, {default} when left out"

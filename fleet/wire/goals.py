@@ -41,6 +41,13 @@ class GotoTarget(msgspec.Struct, frozen=True):
     named: Place | None = None
 
 
+def target_of(place: Place) -> GotoTarget:
+    """Return how to go to a place of fleet.yaml."""
+    x, y, *z = place.at
+    frame = "geo" if place.frame == "geodetic" else "site"
+    return GotoTarget(x, y, z[0] if z else None, frame, place.heading, named=place)
+
+
 def goals(aim: GotoTarget, robots: list[RobotState]) -> list[dict[str, object]]:
     """Return each robot's message; raises Refused for one point for several, and without a common frame."""
     _require_one_frame(aim, robots)

@@ -15,8 +15,24 @@
     endPads: () => {},
   });
 
-  function headers() {
-    return { "Content-Type": "application/json" };
+  // The proof belongs to this port alone; a cookie is sent to every port of a computer.
+  let proof = "";
+  try {
+    proof = localStorage.getItem("proof") || "";
+  } catch {
+    // storage is switched off: the session lasts as long as this page
+  }
+  page.proof = () => proof;
+  page.headers = () => ({ "Content-Type": "application/json", "X-Fleet-Proof": proof });
+
+  function keep(told) {
+    proof = told.proof;
+    try {
+      localStorage.setItem("proof", proof);
+    } catch {
+      // as above
+    }
+    return told;
   }
 
   const soon = () => AbortSignal.timeout(POST_WITHIN);
@@ -26,13 +42,13 @@
     if (token) {
       history.replaceState(null, "", location.pathname);
       const body = JSON.stringify({ token });
-      const answer = await fetch("/api/session", { method: "POST", headers: headers(), body, signal: soon() });
-      if (answer.ok) return answer.json();
-      const known = await fetch("/api/session", { signal: soon() });
+      const answer = await fetch("/api/session", { method: "POST", headers: page.headers(), body, signal: soon() });
+      if (answer.ok) return keep(await answer.json());
+      const known = await fetch("/api/session", { headers: page.headers(), signal: soon() });
       if (known.ok) return known.json();
       throw new Error((await answer.json()).error);
     }
-    const answer = await fetch("/api/session", { signal: soon() });
+    const answer = await fetch("/api/session", { headers: page.headers(), signal: soon() });
     const told = await answer.json();
     if (!answer.ok) throw new Error(told.error);
     return told;
@@ -43,7 +59,7 @@
   async function post(request, stop) {
     await page.session.catch(() => {});
     const body = JSON.stringify({ ask: "stop", request, robots: stop.robots });
-    const answer = await fetch("/api/stop", { method: "POST", headers: headers(), body, signal: soon() });
+    const answer = await fetch("/api/stop", { method: "POST", headers: page.headers(), body, signal: soon() });
     const told = await answer.json();
     if (!answer.ok) throw new Error(told.error);
     return told;
@@ -54,7 +70,7 @@
     while (stop.told && stop.told.open) {
       await new Promise((resume) => setTimeout(resume, 200));
       try {
-        const answer = await fetch(`/api/stops/${encodeURIComponent(request)}`);
+        const answer = await fetch(`/api/stops/${encodeURIComponent(request)}`, { headers: page.headers() });
         if (answer.ok) page.answered(request, await answer.json());
       } catch {
         return; // the page says that the console is silent

@@ -114,7 +114,7 @@ export function ask(message, call) {
 // Why no connection is opened: a console that was started anew knows nobody any more.
 async function tellWhy() {
   try {
-    const answer = await fetch("/api/session");
+    const answer = await fetch("/api/session", { headers: window.fleetPage.headers() });
     store.error = answer.ok ? "" : (await answer.json()).error;
   } catch {
     store.error = "";
@@ -123,7 +123,7 @@ async function tellWhy() {
 
 function connect() {
   const scheme = location.protocol === "https:" ? "wss" : "ws";
-  socket = new WebSocket(`${scheme}://${location.host}/ws`);
+  socket = new WebSocket(`${scheme}://${location.host}/ws`, ["fleet.console", window.fleetPage.proof() || "none"]);
   socket.onmessage = (event) => take(JSON.parse(event.data));
   let opened = false;
   socket.onopen = () => {

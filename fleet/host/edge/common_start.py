@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import itertools
 import logging
 import uuid
 from collections.abc import Callable, Coroutine, Sequence
@@ -22,6 +23,7 @@ from fleet.clock import Clock
 from fleet.errors import Refused
 from fleet.model.command import Reply, ReplyStatus, Transport
 from fleet.model.start import PINGS, Offset, StartAnswer, StartAsked, check_clock, offset_of
+from fleet.model.state import RobotState
 from fleet.robot_config import MAIN
 from fleet.runtime.decoding import decode_json
 from fleet.wire.rules import Kind
@@ -37,26 +39,25 @@ END_WITHIN = 3600.0  # s for what is begun; the run's own limits are shorter
 class CommonStart:
     """One start of several robots of a run. All methods, and what they call back, run on the event loop.
 
-    ``worker_of`` says which process runs a robot.
+    ``state_of`` says which edge and which process run a robot.
     """
 
     def __init__(
         self,
-        edge: str,
         session: ZenohSession,
         clock: Clock,
-        worker_of: Callable[[str], str],
+        state_of: Callable[[str], RobotState],
     ) -> None:
-        self._edge, self._session, self._clock = edge, session, clock
+        self._session, self._clock = session, clock
         self._loop = asyncio.get_running_loop()
-        self._worker_of = worker_of
+        self._state_of = state_of
         self._id = uuid.uuid4().hex
-        self._token = session.token(keys.starting(edge, self._id))
+        self._tokens: list[Callable[[], None]] = []
+        self._measured: dict[str, asyncio.Task[None]] = {}  # by edge
         self._stamp = float("inf")
         self._failed: Callable[[str], None] = lambda _: None
         self._tasks: set[asyncio.Task[None]] = set()
-        self._clocks: dict[str, Offset] = {}
-        self._measured = self._task(self._measure())
+        self._clocks: dict[tuple[str, str], Offset] = {}
 
     def prepare(
         self,
@@ -69,6 +70,10 @@ class CommonStart:
         heard: Callable[[Reply], None],
     ) -> None:
         """Ask a robot to prepare; ``heard`` gets whether it is, and later how what is begun goes on."""
+        edge = self._state_of(robot).edge
+        if edge not in self._measured:
+            self._tokens.append(self._session.token(keys.starting(edge, self._id)))
+            self._measured[edge] = self._task(self._measure(edge))
         parameters = {"kind": kind, "wait": "1", "start": self._id, "id": identity, "way": way.value}
         answers = 0
 
@@ -85,7 +90,7 @@ class CommonStart:
                 take(Reply(robot, ReplyStatus.TIMEOUT, "its process does not answer"))
 
         self._session.ask_later(
-            keys.prepare(self._edge, robot),
+            keys.prepare(edge, robot),
             payload,
             timeout=END_WITHIN,
             parameters=parameters,
@@ -100,21 +105,25 @@ class CommonStart:
 
     def withdraw(self) -> None:
         """Take back what has not begun."""
-        self._token()
+        while self._tokens:
+            self._tokens.pop()()
 
     async def _begin(self, robots: Sequence[str]) -> None:
         """Tell the instant once the clocks are measured, and see that every process has taken it."""
-        await self._measured
+        await asyncio.gather(*self._measured.values())
+        processes = {(self._state_of(robot).edge, self._state_of(robot).worker or MAIN) for robot in robots}
         try:
-            for process in sorted({self._worker_of(robot) or MAIN for robot in robots} - {MAIN}):
-                check_clock(f"worker {process}", self._clocks.get(process))
+            for edge, process in sorted(processes):
+                where = f"edge {edge}" if process == MAIN else f"worker {process} of edge {edge}"
+                check_clock(where, self._clocks.get((edge, process)))
         except Refused as error:
             self._fail(error.reason)
             return
         self._stamp = self._clock.time() + AHEAD
         asked = msgspec.json.encode(StartAsked(self._id, self._stamp))
         found: dict[str, str] = {}
-        for answer in await self._answers(asked, AHEAD - SPARE):
+        answers = [self._answers(edge, asked, AHEAD - SPARE) for edge in self._measured]
+        for answer in itertools.chain(*await asyncio.gather(*answers)):
             found |= answer.robots
         unheard = "its process did not take the instant in time"
         if self._clock.time() > self._stamp - SPARE / 2:
@@ -127,18 +136,18 @@ class CommonStart:
         await asyncio.sleep(max(0.0, self._stamp - self._clock.time()) + AHEAD)
         self.withdraw()
 
-    async def _measure(self) -> None:
-        """Measure the clocks of the edge's processes; of several tries the fastest counts."""
+    async def _measure(self, edge: str) -> None:
+        """Measure the clocks of an edge's processes; of several tries the fastest counts."""
         for _ in range(PINGS):
             sent = self._clock.time()
-            for answer in await self._answers(msgspec.json.encode(StartAsked()), PING_WITHIN):
+            for answer in await self._answers(edge, msgspec.json.encode(StartAsked()), PING_WITHIN):
                 offset = offset_of(sent, answer.time, self._clock.time())
-                known = self._clocks.get(answer.process)
+                known = self._clocks.get((edge, answer.process))
                 if known is None or offset.bound < known.bound:
-                    self._clocks[answer.process] = offset
+                    self._clocks[edge, answer.process] = offset
 
-    async def _answers(self, asked: bytes, within: float) -> list[StartAnswer]:
-        """Ask all processes of the edge; return what they answer in time."""
+    async def _answers(self, edge: str, asked: bytes, within: float) -> list[StartAnswer]:
+        """Ask all processes of an edge; return what they answer in time."""
         found: list[StartAnswer] = []
         ended = asyncio.Event()
 
@@ -147,7 +156,7 @@ class CommonStart:
                 found.append(decode_json(data, StartAnswer))
 
         self._session.ask_later(
-            keys.starts(self._edge),
+            keys.starts(edge),
             asked,
             timeout=within,
             on_answer=lambda data: self._soon(partial(take, data)),

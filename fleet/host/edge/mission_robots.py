@@ -2,12 +2,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping
+from functools import partial
+
+from fleet.bus import keys
+from fleet.bus.zenoh_session import ZenohSession
 from fleet.host.robot.local_robot import LocalRobot
 from fleet.host.workers.remote_robot import RemoteRobot
 from fleet.model.command import Request, Transport
 from fleet.model.description import RobotDescription
 from fleet.model.state import RobotState
+from fleet.runtime.decoding import decode_json
 from fleet.wire.rules import Kind
+
+DESCRIBED_WITHIN = 2.0  # s for other processes to say what their robots take
 
 
 class RobotHere:
@@ -39,6 +47,43 @@ class RobotElsewhere:
     ) -> Request | None:
         """Read a message; what is returned takes it."""
         return self._robot.read(kind, payload, way=way, request_id=request_id, waits=waits)
+
+
+class Descriptions:
+    """What robots of other processes take, as they say; ``edges`` are theirs, by name."""
+
+    def __init__(
+        self, control: ZenohSession, soon: Callable[[Callable[[], None]], None], edges: Mapping[str, str]
+    ) -> None:
+        self._control, self._soon, self._edges = control, soon, edges
+        self._told: dict[str, RobotDescription] = {}
+
+    def of(self, name: str) -> RobotDescription | None:
+        """Return what a robot takes; None when it never said so."""
+        return self._told.get(name)
+
+    def ask(self, then: Callable[[], None]) -> None:
+        """Ask all of them, then go on, on the loop."""
+        waiting = set(self._edges)
+        if not waiting:
+            self._soon(then)
+
+        def told(name: str, data: bytes) -> None:
+            self._told[name] = decode_json(data, RobotDescription)
+
+        def ended(name: str) -> None:
+            waiting.discard(name)
+            if not waiting:
+                self._soon(then)
+
+        for name in sorted(waiting):
+            self._control.ask_later(
+                keys.description(self._edges[name], name),
+                b"",
+                timeout=DESCRIBED_WITHIN,
+                on_answer=partial(told, name),
+                on_end=partial(self._soon, partial(ended, name)),
+            )
 
 
 def can(description: RobotDescription | None) -> frozenset[str]:

@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import msgspec
 
+from fleet.config.load import Loaded
+from fleet.config.places import places_of
 from fleet.errors import Refused
 from fleet.host.safety.fence import Fence
 from fleet.missions.points import SiteMap
@@ -75,3 +79,20 @@ def _placed(polygon: Polygon, config: FenceConfig, origin: GeoOrigin | None, pla
         return polygon
     corners = [world_from_geo(origin, GeoPoint(*corner, origin.altitude)) for corner in polygon]
     return tuple((corner.x, corner.y) for corner in map(placement.to_world, corners))
+
+
+class MissionWays:
+    """The ways of an edge's robots; those of other edges are checked there. ``state_of``: a robot now."""
+
+    def __init__(self, loaded: Loaded, state_of: Callable[[str], RobotState]) -> None:
+        origin = loaded.config.site.origin
+        self.site = SiteMap(
+            places_of(loaded.config.places), GeoOrigin(*origin) if origin is not None else None
+        )
+        self.state_of = state_of
+        self._checks = {robot.name: WayCheck(robot, self.site) for robot, _ in loaded.robots}
+
+    def hindrance(self, robot: str, act: Act) -> str:
+        """Return why a robot must not do something; empty when nothing is known against it."""
+        check = self._checks.get(robot)
+        return check.trouble(act, self.state_of(robot)) if check is not None else ""

@@ -14,41 +14,41 @@ from fleet.bus import keys
 from fleet.bus.zenoh_session import Query
 from fleet.config.load import Loaded
 from fleet.config.missions import Mission, events_of, mission_of
-from fleet.config.places import places_of
 from fleet.errors import Refused, WireError
 from fleet.host.edge.cloud_workflows import CloudWorkflows
 from fleet.host.edge.common_start import CommonStart
-from fleet.host.edge.mission_robots import RobotElsewhere, RobotHere, can, trouble
+from fleet.host.edge.coordinators import Coordinators
+from fleet.host.edge.mission_robots import Descriptions, RobotElsewhere, RobotHere, can, trouble
 from fleet.host.edge.mission_starter import MissionStarter
-from fleet.host.edge.mission_ways import WayCheck
+from fleet.host.edge.mission_ways import MissionWays
+from fleet.host.edge.partners import Partners
 from fleet.host.edge.rehearsals import Rehearsals
+from fleet.host.edge.run_results import RunResults
 from fleet.host.edge.start_requests import StartRequests
 from fleet.host.edge.twin_plans import TwinPlans
 from fleet.host.process.robot_process import RobotProcess
 from fleet.host.requests.stop_cause import StopCause
 from fleet.host.safety.source_policy import SourcePolicy
 from fleet.host.workers.remote_robot import RemoteRobot
-from fleet.missions.grammar_words import role_words, step_words
-from fleet.missions.points import SiteMap
-from fleet.missions.program import Act
 from fleet.missions.report import (
     ControlAsk,
     Controlled,
-    MissionState,
     RunState,
     StartAsk,
     Started,
     ended_state,
+    mission_state,
 )
+from fleet.missions.results import EVERY as TRACK_EVERY
 from fleet.missions.roles import Candidate
+from fleet.missions.run import Robot
 from fleet.missions.runs import Runs, check_run_id
 from fleet.missions.state import Facts, Head, Member
 from fleet.missions.store import About, Store, Told
 from fleet.model.command import Origin, Transport
 from fleet.model.description import RobotDescription
 from fleet.model.event import EventKind, EventReport, Requester, Severity
-from fleet.model.geodesy import GeoOrigin
-from fleet.model.report import NavigationReport
+from fleet.model.report import NavigationReport, PhotoReport
 from fleet.model.state import RobotState
 from fleet.runtime.decoding import decode_json
 from fleet.wire.published import object_in
@@ -56,7 +56,6 @@ from fleet.wire.strict import text
 from fleet.wire.topics import data_key
 
 LOOK_EVERY = 0.2  # s
-DESCRIBED_WITHIN = 2.0  # s for workers to say what their robots take
 SHOWN = 50  # runs that ended
 LARGEST = 1 << 20  # bytes of a mission that is sent
 _encode = msgspec.json.encode
@@ -84,36 +83,49 @@ class Missions:
         self._here = {name: RobotHere(robot) for name, robot in process.robots.items()}
         self._elsewhere = {name: RobotElsewhere(robot) for name, robot in elsewhere.items()}
         self._recorded: set[str] = set()
-        self._told: dict[str, RobotDescription] = {}
         self._twins = {robot.name: str(robot.twin) for robot, _ in loaded.robots}
         self._policies = {
             robot.name: SourcePolicy(robot.accepts, simulated=robot.simulated) for robot, _ in loaded.robots
         }
         self._states = self._bus_session.publishers(keys.run(self._edge, "*"))
+        site = config.site.origin
+        self.partners = Partners(
+            self._edge,
+            config.partners,
+            self._bus_session,
+            site=site,
+            soon=self._soon,
+            clock=process.clock,
+        )
+        edges = dict.fromkeys(self._elsewhere, self._edge)
+        edges |= {name: robot.edge for name, robot in self.partners.robots.items()}
+        self._descriptions = Descriptions(self._bus_session, self._soon, edges)
         self.store = Store(folder)
-        origin = config.site.origin
-        site = SiteMap(places_of(config.places), GeoOrigin(*origin) if origin is not None else None)
-        ways = {robot.name: WayCheck(robot, site) for robot, _ in loaded.robots}
-
-        def hindrance(robot: str, act: Act) -> str:
-            return ways[robot].trouble(act, self.runs.robots[robot].state())
-
-        def worker_of(robot: str) -> str:
-            return self.runs.robots[robot].state().worker
-
+        ways = MissionWays(loaded, lambda robot: self.runs.robots[robot].state())
         self.runs = Runs(
             self._edge,
-            {**self._here, **self._elsewhere},
+            {**self._here, **self._elsewhere, **self.partners.robots},
             candidates=self._candidates,
             allowed=self._refusal,
-            site=site,
-            hindrance=hindrance,
+            site=ways.site,
+            hindrance=ways.hindrance,
             store=self.store,
             clock=process.clock,
             soon=self._soon,
-            stop=stop,
-            together=lambda: CommonStart(self._edge, self._bus_session, process.clock, worker_of),
+            stop=partial(self._stop, stop),
+            together=partial(CommonStart, self._bus_session, process.clock, ways.state_of),
             told=self._publish,
+        )
+        self.partners.runs = self.runs.all
+        self.coordinators = Coordinators(
+            self._edge,
+            config.partners,
+            {**self._here, **self._elsewhere},
+            self._policies,
+            site=site,
+            record=process.history.add,
+            soon=self._soon,
+            clock=process.clock,
         )
         self.rehearsals = Rehearsals(
             loaded,
@@ -122,8 +134,8 @@ class Missions:
             folder=folder,
             clock=process.clock,
         )
-        self.starter = MissionStarter(self._missions, self.runs, self._described, process.clock)
-        self.starts = StartRequests(self.runs, self._described, self._soon)
+        self.starter = MissionStarter(self._missions, self.runs, self._descriptions.ask, process.clock)
+        self.starts = StartRequests(self.runs, self._descriptions.ask, self._soon)
         self.plans = TwinPlans(
             self.runs,
             self.starts,
@@ -143,15 +155,25 @@ class Missions:
             record=process.history.add,
             clock=process.clock,
         )
+        twins = {twin: name for name, twin in self._twins.items()}
+        self.results = RunResults(folder, self.runs, self.runs.robots, twins, process.clock)
+        process.outbox.pictured = self.results.pictured
         process.on_stop = self.stopped
 
     def _soon(self, call: Callable[[], None]) -> None:
         """Run a call on the event loop; from any thread."""
         self._process.loop.call_soon_threadsafe(call)
 
+    def _stop(self, stop: Callable[[tuple[str, ...], str], None], names: tuple[str, ...], why: str) -> None:
+        """Set the emergency stop of robots, also of partners'; no name would mean all of ours."""
+        ours = self.partners.stop(names)
+        if ours:
+            stop(ours, why)
+
     def close(self) -> None:
         """Start nothing more, and write what waits; may wait."""
         self.starts.close()
+        self.results.close()
         self.store.close()
 
     @property
@@ -164,8 +186,11 @@ class Missions:
         self._bus_session.answer(keys.mission(self._edge, "*"), self._asked_mission)
         self._bus_session.answer(keys.run(self._edge, "*"), self._asked_run)
         self._hear_events()
+        self.partners.declare(self._process.scheduler.every)
+        self.coordinators.declare(self._bus_session, self._process.scheduler.every)
         self.runs.take_up()
         self._process.scheduler.every(LOOK_EVERY, self.runs.turn)
+        self._process.scheduler.every(TRACK_EVERY, self.results.look)
 
     def stopped(self, names: tuple[str, ...], cause: StopCause) -> None:
         """Take note of an emergency stop; from any thread."""
@@ -194,6 +219,11 @@ class Missions:
             for name in self._elsewhere
         }
         self._process.bus.reports.subscribe_many(f"cw/*/data/{NavigationReport.channel}", actions)
+        pictures = {
+            data_key(self._twins[name], PhotoReport.channel): self.results.heard(self._twins[name])
+            for name in self._elsewhere
+        }
+        self._process.bus.reports.subscribe_many(f"cw/*/data/{PhotoReport.channel}", pictures)
 
     def _event(self, robot: str, event: str) -> None:
         """Take an event of a robot; from any thread, and for nothing while no run is under way."""
@@ -205,7 +235,8 @@ class Missions:
     def _candidates(self) -> list[Candidate]:
         """Return what each robot can and is now."""
         here = [(robot.state(), robot.describe()) for robot in self._here.values()]
-        elsewhere = [(robot.state(), self._told.get(name)) for name, robot in self._elsewhere.items()]
+        others: dict[str, Robot] = {**self._elsewhere, **self.partners.robots}
+        elsewhere = [(robot.state(), self._descriptions.of(name)) for name, robot in others.items()]
         return [self._candidate(state, description) for state, description in (*here, *elsewhere)]
 
     def _candidate(self, state: RobotState, description: RobotDescription | None) -> Candidate:
@@ -226,30 +257,10 @@ class Missions:
 
     def _refusal(self, robot: str, origin: Origin, commands: bool, navigates: bool) -> str | None:  # noqa: FBT001 - by position
         """Return why somebody may not start a mission with a robot; None when he may."""
-        return self._policies[robot].mission_refusal(origin, commands=commands, navigates=navigates)
-
-    def _described(self, then: Callable[[], None]) -> None:
-        """Ask workers what their robots take, then go on, on the loop."""
-        waiting = set(self._elsewhere)
-        if not waiting:
-            self._soon(then)
-
-        def told(name: str, data: bytes) -> None:
-            self._told[name] = decode_json(data, RobotDescription)
-
-        def ended(name: str) -> None:
-            waiting.discard(name)
-            if not waiting:
-                self._soon(then)
-
-        for name in sorted(waiting):
-            self._bus_session.ask_later(
-                keys.description(self._edge, name),
-                b"",
-                timeout=DESCRIBED_WITHIN,
-                on_answer=partial(told, name),
-                on_end=partial(self._soon, partial(ended, name)),
-            )
+        policy = self._policies.get(robot)
+        if policy is None:  # a partner's: its own edge says so when the robot joins
+            return None
+        return policy.mission_refusal(origin, commands=commands, navigates=navigates)
 
     # -- the bus ---------------------------------------------------------------------------------------
 
@@ -266,6 +277,7 @@ class Missions:
             self._record(state, EventKind.OUTCOME, f"mission {state.mission} {state.outcome}{reason}")
         self.plans.told(state)
         self.workflows.told(state)
+        self.results.told(state)
         publisher = self._states.wanted(keys.run(self._edge, state.run))
         if publisher is not None:
             publisher.put(_encode(state))
@@ -349,6 +361,9 @@ class Missions:
         if ask.do == "log":
             self.store.story(run, partial(self._tell_story, question, run))
             return
+        if ask.do == "results":
+            self.results.answer(question, keys.run(self._edge, run), run)
+            return
         question.reply(_encode(Controlled(self.runs.control(run, ask))), keys.run(self._edge, run))
         question.close()
 
@@ -374,22 +389,3 @@ class Missions:
             question.close()
 
         self.store.ended(SHOWN, ended)
-
-
-def mission_state(mission: Mission, edge: str) -> MissionState:
-    """Return what people are shown of a mission."""
-    config = mission.config
-    return MissionState(
-        mission.name,
-        edge,
-        config.summary,
-        {name: _words(each.type, each.unit, each.default) for name, each in config.inputs.items()},
-        {name: role_words(role) for name, role in config.roles.items()},
-        tuple(map(step_words, config.steps)),
-    )
-
-
-def _words(kind: str, unit: str, default: object) -> str:
-    """Return an input in words."""
-    words = f"{kind} {unit}".strip()
-    return words if default is None else f"{words}, {default} when left out"

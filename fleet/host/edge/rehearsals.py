@@ -110,6 +110,10 @@ class Rehearsals:
         if self._now is not None and not self._now.task.done():
             raise Refused("another rehearsal is under way", hint="wait for its end")
         roles = self._filling.fill(mission, program, ask, rehearses=True)
+        ours = {robot.name for robot, _ in self._loaded.robots}
+        others = sorted({name for names in roles.values() for name in names} - ours)
+        if others:
+            raise Refused(f"{', '.join(others)}: robots of other edges are not rehearsed")
         states = {state.name: state for state in self._states()}
         config = self._loaded.config
         site = config.site.origin

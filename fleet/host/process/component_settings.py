@@ -64,7 +64,9 @@ def bus_access(config: FleetConfig) -> Access | None:
     if config.bus.access is None:
         return None
     twins = tuple(str(robot.twin) for robot in config.robots)
-    return Access(config.bus.access, twins, tuple(config.cloud.channels) if config.cloud else ())
+    coordinators = frozenset(name for name, partner in config.partners.items() if partner.coordinates)
+    channels = tuple(config.cloud.channels) if config.cloud else ()
+    return Access(config.bus.access, twins, channels, coordinators)
 
 
 def settle_time(config: Sections) -> float:

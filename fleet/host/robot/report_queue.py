@@ -14,7 +14,7 @@ from typing import Any, Protocol
 from fleet.bus.zenoh_session import Query, ZenohSession, keys_intersect
 from fleet.errors import WireError
 from fleet.model.event import EventReport
-from fleet.model.report import LogReport, NavigationReport, Report, TelemetryReport
+from fleet.model.report import LogReport, NavigationReport, PhotoReport, Report, TelemetryReport
 from fleet.wire.checks import check_report
 from fleet.wire.databus import encode_report
 from fleet.wire.topics import data_key
@@ -83,6 +83,8 @@ class _Robot:
         if isinstance(report, EVENTS):
             self._put_event(report)
             return
+        if type(report) is PhotoReport:
+            self._outbox.pictured(self._twin, report)
         channel = self.channel(report)
         channel.newest = report
         if not channel.waits:
@@ -119,6 +121,7 @@ class ReportQueue:
         self.eventful: deque[_Robot] = deque()  # each once for each of its events
         self.bridge: BridgePort | None = None
         self.navigates: Callable[[NavigationReport], None] = lambda _report: None  # hears of each action
+        self.pictured: Callable[[str, PhotoReport], None] = lambda _twin, _report: None  # of each picture
         self.dropped = 0
         bus_session.answer(ALL, self._asked)
 

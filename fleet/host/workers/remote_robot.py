@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import os
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from functools import partial
 
 import msgspec
@@ -197,31 +197,15 @@ class RemoteRobot:
         if self._clock.monotonic() > until:
             answer(Reply(name, ReplyStatus.REJECTED, "it waited too long in here: the edge was held up"))
             return
-        answered: list[Reply] = []
-
-        def is_open() -> bool:
-            return not answered or ("wait" in parameters and answered[-1].ok and answered[-1].done is None)
-
-        def on_answer(data: bytes) -> None:
-            reply = decode_json(data, Reply)
-            if is_open():
-                answered.append(reply)
-                self._soon(lambda: answer(reply))
-
-        def on_end() -> None:
-            if is_open():
-                reason = f"worker {self.worker} did not {'say how it ended' if answered else 'answer'}"
-                done = False if answered else None
-                missing = Reply(name, ReplyStatus.TIMEOUT, f"{reason}: {self._cause}", done=done)
-                self._soon(lambda: answer(missing))
-
-        self._control.ask_later(
+        ask_robot(
+            self._control,
             keys.command(self._edge, self.name),
             payload,
-            timeout=END_WITHIN if "wait" in parameters else ANSWER_WITHIN,
-            parameters=parameters,
-            on_answer=on_answer,
-            on_end=on_end,
+            parameters,
+            name=name,
+            answer=lambda reply: self._soon(lambda: answer(reply)),
+            silent=f"worker {self.worker}",
+            cause=lambda: self._cause,
         )
 
     def worker_is(self, cause: str) -> None:
@@ -289,3 +273,46 @@ class RemoteRobot:
 def _named(cause: StopCause) -> StopCause:
     """Return a cause with a request, by which a stop that is put again is known for the same one."""
     return cause if cause.request else msgspec.structs.replace(cause, request=os.urandom(8).hex())
+
+
+def ask_robot(
+    control: ZenohSession,
+    key: str,
+    payload: bytes,
+    parameters: Mapping[str, str],
+    *,
+    name: str,
+    answer: Callable[[Reply], None],
+    silent: str,
+    cause: Callable[[], str] = lambda: "",
+) -> None:
+    """Ask a robot of another process something (``name``); ``answer`` hears on the bus's threads.
+
+    It hears the receipt and, with ``wait``, the end; or that ``silent`` did not say it, and the ``cause``.
+    """
+    answered: list[Reply] = []
+
+    def is_open() -> bool:
+        return not answered or ("wait" in parameters and answered[-1].ok and answered[-1].done is None)
+
+    def on_answer(data: bytes) -> None:
+        reply = decode_json(data, Reply)
+        if is_open():
+            answered.append(reply)
+            answer(reply)
+
+    def on_end() -> None:
+        if is_open():
+            reason = f"{silent} did not {'say how it ended' if answered else 'answer'}"
+            reason += f": {cause()}" if cause() else ""
+            done = False if answered else None
+            answer(Reply(name, ReplyStatus.TIMEOUT, reason, done=done))
+
+    control.ask_later(
+        key,
+        payload,
+        timeout=END_WITHIN if "wait" in parameters else ANSWER_WITHIN,
+        parameters=parameters,
+        on_answer=on_answer,
+        on_end=on_end,
+    )

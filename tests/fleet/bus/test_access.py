@@ -10,7 +10,7 @@ from cyberwave.data import DataBus
 from cyberwave.data.config import get_backend
 
 from fleet.bus import keys
-from fleet.bus.access import Access, access_control
+from fleet.bus.access import Access, access_control, rules_of
 from fleet.bus.bus import join, open_edge
 from fleet.bus.settings import BusSettings, BusTls, zenoh_settings
 from fleet.bus.zenoh_session import ZenohSession
@@ -74,6 +74,7 @@ ASK = {
     "fleet/yard/schedules": {"desk", "hub"},
     "fleet/yard/missions/patrol": {"desk", "hub"},
     "fleet/yard/runs/3f2a": {"desk", "hub"},
+    "fleet/yard/coordinator": {"hub"},
     "fleet/yard/robots/rex/description": set(ROLES),
     "fleet/yard/elsewhere": {"hub"},
     "fleet/yard/workers/arms/reload": {"hub"},  # it loads code: for users of the edge's own computer
@@ -278,7 +279,7 @@ def test_every_key_of_the_fleet_is_given_to_somebody_or_kept():
     decided = {"edge", "robot", "claim", "claims", "command", "holders", "places", "state", "worker"}
     decided |= {"heartbeat", "halt", "health", "stop", "held", "video", "history", "description"}
     decided |= {"prepare", "starts", "starting", "schedules"}
-    decided |= {"mission", "run", "reload"}
+    decided |= {"mission", "run", "reload", "coordinator"}
     assert {name for name, _ in inspect.getmembers(keys, inspect.isfunction)} == decided
 
 
@@ -320,3 +321,13 @@ def test_the_rules_name_no_robot_so_that_one_may_be_added():
     allowed = [key for rule in rules if rule["permission"] == "allow" for key in rule["key_exprs"]]
     assert not [key for key in allowed if "robots" in key and "robots/*" not in key]
     assert OURS not in json.dumps(allowed)
+
+
+def test_only_an_edge_that_coordinates_its_robots_may_command_them():
+    access = Access({"barn": "edge", "shed": "edge"}, coordinators=frozenset({"shed"}))
+
+    def asks(name):
+        rules = rules_of("edge", name, "yard", access)
+        return {key for rule in rules if "query" in rule.messages for key in rule.keys}
+
+    assert asks("shed") - asks("barn") == {"fleet/yard/coordinator", "fleet/yard/robots/*/command"}

@@ -4,7 +4,7 @@ import json
 
 import pytest
 
-from fleet.cli.edges import _of
+from fleet.client.edges import _of
 
 LEAVES = "import os\nos._exit(7)\n"
 

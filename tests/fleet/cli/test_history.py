@@ -8,7 +8,7 @@ import msgspec
 import pytest
 
 from fleet.bus import keys
-from fleet.cli.local_user import local_user
+from fleet.client.local_user import local_user
 from fleet.clock import SystemClock
 from fleet.history.event_filter import EventFilter
 from fleet.history.record import Record

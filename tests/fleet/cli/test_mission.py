@@ -7,6 +7,7 @@ import pytest
 from fleet.bus import keys
 from fleet.cli.runs import robot_lines, state_line
 from fleet.missions.report import AskedNow, Controlled, MissionState, RunRobot, RunState, Started
+from fleet.missions.results import Result
 from fleet.missions.store import Told
 
 MISSION = """
@@ -19,7 +20,7 @@ PLAN["items"].insert(0, {"type": "waypoint", "latitude": 47.3, "longitude": 8.5,
 
 
 def state(**fields):
-    robots = (RunRobot("kestrel", "eye", "takeoff"),)
+    robots = (RunRobot("kestrel", "eye", "takeoff", lane=("arm done", "takeoff ...")),)
     return RunState("3f2a", "yard-1", "patrol", "step", "up.1", 1000.0, robots=robots, **fields)
 
 
@@ -31,7 +32,8 @@ class Missions:
         self.runs = [state()]
         self.started = Started("3f2a", {"eye": ["kestrel"]})
         self.refusal = ""
-        self.story = []
+        self.story = [Told(1000.0, "run begun")]
+        self.results = []
         control = edge._control
         control.answer(keys.mission("yard-1", "*"), self._mission)
         control.answer(keys.run("yard-1", "*"), self._run)
@@ -49,9 +51,10 @@ class Missions:
 
     def _run(self, question):
         if question.payload:
-            self.asked.append(json.loads(question.payload))
-            tells = self.asked[-1]["do"] == "log"
-            answer = self.story if tells else Controlled(self.refusal)
+            asked = json.loads(question.payload)
+            self.asked.append(asked)
+            said = {"log": self.story, "results": self.results}
+            answer = said.get(asked["do"], Controlled(self.refusal))
             question.reply(msgspec.json.encode(answer), keys.run("yard-1", "3f2a"))
         else:
             for each in self.runs:
@@ -125,8 +128,26 @@ def test_missions_and_runs_are_shown(fleet, yard):
     shown = fleet("mission", "ps").out
     assert "run 3f2a of patrol carries out step up (0 s since its start)" in shown
     assert "It asks: Go on? Answer within 30 s, else: abort" in shown
-    assert "kestrel (eye) does takeoff" in shown
+    assert "kestrel  eye   takeoff  arm done > takeoff ..." in shown
     assert fleet("mission", "show", "patroll").code == 5
+
+
+def test_on_a_terminal_runs_are_followed_until_they_have_ended(terminal, yard):
+    shown = terminal("mission", "ps")
+    shown.reads("arm done > takeoff ...")
+    yard.runs = [msgspec.structs.replace(state(), step="down.2")]
+    shown.reads("down.2")
+    yard.runs = []
+    shown.reads("no run is under way")
+    assert shown.ended() == 0
+
+
+def test_what_a_run_left_behind_is_listed(fleet, yard):
+    yard.results = [Result("track", "kestrel", "/state/results/3f2a/track-kestrel.csv", 900, 30)]
+    listed = fleet("mission", "results", "3f2a")
+    assert "track  kestrel  30 points  /state/results/3f2a/track-kestrel.csv" in listed.out
+    assert "1 lines" in listed.out
+    assert fleet("mission", "results", "--json").json["results"][0]["points"] == 30
 
 
 @pytest.mark.parametrize("word", ["pause", "resume", "abort"])

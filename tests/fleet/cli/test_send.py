@@ -2,7 +2,7 @@ import json
 
 import pytest
 
-from fleet.cli.edges import Edges
+from fleet.client.edges import Edges
 from fleet.model.command import Reply, ReplyStatus
 
 ACCEPTED = Reply("takeoff", ReplyStatus.ACCEPTED)

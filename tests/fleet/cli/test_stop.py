@@ -7,8 +7,8 @@ import threading
 import pytest
 
 from fleet.bus.settings import BusSettings, runtime_dirs
-from fleet.cli.edges import decoded
 from fleet.cli.outline import Outline
+from fleet.client.edges import decoded
 from fleet.errors import BusError
 from fleet.supervisor.protocol import StopAnswer
 from fleet.testing.waiting import DEADLINE

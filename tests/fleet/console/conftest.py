@@ -80,6 +80,7 @@ class Console:
         self._runtime, self._task = runtime, ConsoleTask(name, port, **task)
         self._stack = contextlib.ExitStack()
         self._cookies = {}
+        self.proofs = {}
 
     def __enter__(self):
         self._stack.enter_context(self._loop)
@@ -112,7 +113,8 @@ class Console:
         return self.link(permission).partition("token=")[2]
 
     def request(self, method, path, *, body=None, **headers):
-        """Send a request; returns status, headers and body."""
+        """Send a request; returns status, headers and body. A cookie comes with its proof, if it has one."""
+        headers.setdefault("x_fleet_proof", self.proofs.get(headers.get("cookie")))
         connection = http.client.HTTPConnection("127.0.0.1", self.port, timeout=DEADLINE)
         with contextlib.closing(connection):
             connection.putrequest(method, path, skip_host="host" in headers, skip_accept_encoding=True)
@@ -132,17 +134,21 @@ class Console:
     def cookie(self, permission=Permission.ADMIN):
         """Return the cookie of a session; the same for each permission."""
         if permission not in self._cookies:
-            status, headers, _ = self.post("/api/session", {"token": self.token(permission)})
+            status, headers, body = self.post("/api/session", {"token": self.token(permission)})
             assert status == 200
-            self._cookies[permission] = headers["set-cookie"].partition(";")[0]
+            cookie = self._cookies[permission] = headers["set-cookie"].partition(";")[0]
+            self.proofs[cookie] = json.loads(body)["proof"]
         return self._cookies[permission]
 
     @contextlib.contextmanager
     def page(self, permission=Permission.ADMIN):
         """Open a page."""
-        headers = {"Cookie": self.cookie(permission)}
+        cookie = self.cookie(permission)
         with connect(
-            f"ws://127.0.0.1:{self.port}/ws", origin=self.base, additional_headers=headers
+            f"ws://127.0.0.1:{self.port}/ws",
+            origin=self.base,
+            additional_headers={"Cookie": cookie},
+            subprotocols=["fleet.console", self.proofs[cookie]],
         ) as opened:
             yield Page(opened)
 

@@ -3,6 +3,10 @@
 import json
 
 import pytest
+from websockets.exceptions import InvalidStatus
+from websockets.sync.client import connect
+
+from fleet.console.sessions import Permission
 
 
 @pytest.mark.parametrize(
@@ -24,7 +28,9 @@ def test_nothing_is_told_and_nothing_done_without_a_session(console, method, pat
 def test_a_link_is_good_once_and_its_cookie_is_out_of_reach_of_scripts_and_other_sites(console):
     token = console.token()
     status, headers, body = console.post("/api/session", {"token": token})
-    assert (status, json.loads(body)) == (200, {"operator": "anna", "permission": "admin"})
+    told = json.loads(body)
+    assert (status, told.pop("proof") != "") == (200, True)
+    assert told == {"operator": "anna", "permission": "admin"}
     name, *flags = headers["set-cookie"].split("; ")
     assert name.startswith("fleet_console_")
     assert {"HttpOnly", "SameSite=strict", "Path=/"} <= set(flags)
@@ -55,3 +61,19 @@ def test_a_cookie_of_another_console_is_no_good_here(runtime, serve_console, con
         assert other.cookie().partition("=")[0] != name
         assert console.request("GET", "/api/session", cookie=other.cookie())[0] == 401
         assert console.request("GET", "/api/session", cookie=f"{name}={value}")[0] == 401
+
+
+def test_a_cookie_that_another_port_of_the_computer_was_sent_is_worth_nothing_without_its_proof(console):
+    cookie, other = console.cookie(), console.proofs[console.cookie(Permission.VIEW)]
+    for proof in ("", "guess", other):
+        assert console.request("GET", "/api/session", cookie=cookie, x_fleet_proof=proof)[0] == 401
+    assert console.request("GET", "/api/session", cookie=cookie)[0] == 200
+    for shown in (None, ["fleet.console", "guess"], ["fleet.console", other], [console.proofs[cookie]]):
+        with pytest.raises(InvalidStatus) as refused:
+            connect(
+                f"ws://127.0.0.1:{console.port}/ws",
+                origin=console.base,
+                additional_headers={"Cookie": cookie},
+                subprotocols=shown,
+            )
+        assert refused.value.response.status_code == 403

@@ -101,23 +101,34 @@ def test_an_address_that_is_too_long_and_a_header_that_never_ends_are_refused(co
     assert " 200 " not in console.raw(f"GET / HTTP/1.1\r\nHost: localhost\r\nX: {'a' * 200_000}")
 
 
+def proof_of(console):
+    """Return what shows the proof of a session when a WebSocket is opened."""
+    return ["fleet.console", console.proofs[console.cookie()]]
+
+
+def test_a_websocket_of_a_page_of_the_console_with_a_session_is_opened(console):
+    with console.page() as page:
+        assert page.socket.subprotocol == "fleet.console"
+
+
 SOCKETS = [
-    ({"origin": OTHER}, 403),
-    ({"origin": None}, 403),
-    ({"origin": "null"}, 403),
-    ({"Sec-Fetch-Site": "cross-site"}, 403),
-    ({"Cookie": ""}, 401),
-    ({"Cookie": "fleet_console_x=guess"}, 401),
+    {"origin": OTHER},
+    {"origin": None},
+    {"origin": "null"},
+    {"Sec-Fetch-Site": "cross-site"},
+    {"Cookie": ""},
+    {"Cookie": "fleet_console_x=guess"},
 ]
 
 
-@pytest.mark.parametrize(("changed", "status"), SOCKETS, ids=str)
-def test_a_websocket_of_a_foreign_page_or_without_a_session_is_not_opened(console, changed, status):
+@pytest.mark.parametrize("changed", SOCKETS, ids=str)
+def test_a_websocket_of_a_foreign_page_or_without_a_session_is_not_opened(console, changed):
     headers = {"Cookie": console.cookie()} | {k: v for k, v in changed.items() if k != "origin"}
-    origin = changed.get("origin", console.base)
+    origin, shown = changed.get("origin", console.base), proof_of(console)
+    address = f"ws://127.0.0.1:{console.port}/ws"
     with pytest.raises(InvalidStatus) as refused:
-        connect(f"ws://127.0.0.1:{console.port}/ws", origin=origin, additional_headers=headers)
-    assert refused.value.response.status_code == status
+        connect(address, origin=origin, additional_headers=headers, subprotocols=shown)
+    assert refused.value.response.status_code == 403
 
 
 def test_a_websocket_by_a_name_that_resolves_to_this_computer_is_not_opened(console):

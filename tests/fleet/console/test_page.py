@@ -113,6 +113,22 @@ def test_the_fleet_is_shown_the_worst_first_and_what_robots_say_is_text(open_pag
     assert page.evaluate("window.broken") is None
 
 
+def test_a_session_lasts_over_a_reload_and_in_another_tab(open_page, console):
+    page = open_page()
+    page.reload()
+    page.wait_for_selector(row(REX))
+    other = page.context.new_page()
+    other.goto(console.base)
+    other.wait_for_selector(row(REX), timeout=WAIT)
+
+
+def test_without_a_session_the_page_says_how_to_get_a_link(open_page, console):
+    page = open_page()
+    page.context.clear_cookies()
+    page.goto(console.base)
+    shows(page, "#silence", "fleet console --link")
+
+
 def test_escape_twice_stops_everything_and_shows_who_stands_after_how_long(open_page, yard):
     page, before = open_page(), len(yard.stops)
     page.keyboard.press("Escape")

@@ -28,8 +28,9 @@ def sessions(clock):
 
 def test_a_link_opens_one_session(sessions):
     token = sessions.new_link(ANNA)
-    cookie = sessions.open(token)
-    assert sessions.operator_of({sessions.cookie: cookie}) == ANNA
+    opened = sessions.open(token)
+    assert sessions.operator_of({sessions.cookie: opened.cookie}, opened.proof) == ANNA
+    assert sessions.operator_of({sessions.cookie: opened.cookie}, "") is None
     assert sessions.open(token) is None
 
 
@@ -40,28 +41,28 @@ def test_a_link_that_is_too_old_opens_none(sessions, clock):
 
 
 def test_a_session_lasts_while_it_is_used(sessions, clock):
-    cookies = {sessions.cookie: sessions.open(sessions.new_link(ANNA))}
+    opened = sessions.open(sessions.new_link(ANNA))
+    cookies = {sessions.cookie: opened.cookie}
     for _ in range(3):
         clock.advance(SESSION_LIFE - 1)
-        assert sessions.operator_of(cookies) == ANNA
+        assert sessions.operator_of(cookies, opened.proof) == ANNA
     clock.advance(SESSION_LIFE)
-    assert sessions.operator_of(cookies) is None
+    assert sessions.operator_of(cookies, opened.proof) is None
 
 
 def test_links_and_sessions_are_bounded_and_the_oldest_go_first(sessions):
     tokens = [sessions.new_link(ANNA) for _ in range(MOST_LINKS + 1)]
     assert sessions.open(tokens[0]) is None
     assert sessions.open(tokens[-1]) is not None
-    cookies = [sessions.open(sessions.new_link(ANNA)) for _ in range(MOST_SESSIONS + 1)]
-    assert sessions.operator_of({sessions.cookie: cookies[-1]}) == ANNA
+    opened = [sessions.open(sessions.new_link(ANNA)) for _ in range(MOST_SESSIONS + 1)]
+    assert sessions.operator_of({sessions.cookie: opened[-1].cookie}, opened[-1].proof) == ANNA
 
 
 def test_a_token_is_never_kept_as_it_is(sessions):
     token = sessions.new_link(ANNA)
-    cookie = sessions.open(sessions.new_link(ANNA))
+    opened = sessions.open(sessions.new_link(ANNA))
     kept = repr(vars(sessions))
-    assert token not in kept
-    assert cookie not in kept
+    assert not any(secret in kept for secret in (token, opened.cookie, opened.proof))
 
 
 def test_the_cookie_of_each_console_has_a_name_of_its_own(clock):

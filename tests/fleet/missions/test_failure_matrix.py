@@ -11,6 +11,7 @@ import msgspec
 import pytest
 
 from fleet.config.missions import mission_of
+from fleet.missions.coordination import LAPSES_AFTER, CoordinatorLeases, LeaseAsk
 from fleet.missions.engine import Engine
 from fleet.missions.program import Act, Enter, Leave
 from fleet.missions.report import StartAsk
@@ -230,6 +231,18 @@ def test_clock_jumps(play):
     assert run.ended is None
     run.wait(2.0).stands(*EVERYBODY)
     assert run.ended is RunOutcome.FAILED
+
+
+def test_bus_partition_two_edges(play):
+    """The run's side and the other edge's, each for itself; both together: test_partners.py of the edge."""
+    run = play(do(failed_do="land"), do("home"))
+    leases = CoordinatorLeases()
+    leases.grant(LeaseAsk("run", "yard", {"rover": run.program.steps[0].failed_do}), 0.0)
+    run.take(Left("rover", Outcome.LOST, "edge barn does not answer"))
+    assert [(each.robot, each.do) for each in leases.lapsed(LAPSES_AFTER)] == [("rover", "land")]
+    assert "rover" not in [robot for robot, _ in run.begun()[3:]]
+    run.reply("kestrel").reply("beast").reply("kestrel").reply("beast")
+    assert run.ended is RunOutcome.WITH_LOSSES
 
 
 def test_a_person_aborts(play):

@@ -14,12 +14,12 @@ from fleet.bus import keys
 from fleet.bus.bus import join_control
 from fleet.bus.settings import BusSettings, running_edges, runtime_dir
 from fleet.bus.zenoh_session import ZenohSession
-from fleet.cli.output import NotRunning
 from fleet.config.text import nearest
-from fleet.errors import BusError, Refused, TimedOut
+from fleet.errors import BusError, NotRunning, Refused, TimedOut
 from fleet.history.event_filter import EventFilter, newest
 from fleet.history.record import Record
 from fleet.missions.report import ControlAsk, Controlled, MissionState, RunState, StartAsk, Started
+from fleet.missions.results import Result
 from fleet.missions.store import Told
 from fleet.model.command import Reply
 from fleet.model.description import RobotDescription
@@ -217,6 +217,11 @@ class Edges:
     def story(self, edge: str, run: str) -> list[Told]:
         """Return what happened in a run; raises TimedOut when its edge does not answer."""
         return self.one(keys.run(edge, run), list[Told], ControlAsk("log"))
+
+    def results(self, edge: str, run: str) -> list[Result]:
+        """Return what a run left behind, nothing where its edge has nothing of it; waits for its disk."""
+        asked = msgspec.json.encode(ControlAsk("results"))
+        return [one for _, _, found in self._asked(keys.run(edge, run), list[Result], asked) for one in found]
 
     def one(
         self, key: str, kind: type[T], asked: msgspec.Struct, parameters: Mapping[str, str] | None = None

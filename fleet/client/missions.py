@@ -1,0 +1,189 @@
+"""Missions by the bus: found, started, followed, controlled."""
+
+from __future__ import annotations
+
+import os
+import time
+import uuid
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import msgspec
+
+from fleet.client.edges import Edges
+from fleet.client.local_user import local_user
+from fleet.errors import Refused, TimedOut, WireError
+from fleet.missions.report import ControlAsk, MissionState, RunState, StartAsk, Started
+from fleet.missions.results import Result
+from fleet.missions.store import Told
+
+LOOK = 0.5  # s between two looks at a run
+SILENT = 10.0  # s without a word of the edge after which nobody knows; the edge may be restarting
+MISSION_FILES = frozenset({".yaml", ".yml", ".plan", ".json"})
+_YAML = frozenset({".yaml", ".yml"})
+
+
+class MissionRun:
+    """One run of a mission on an edge. ``roles`` are its robots by role, where this program started it."""
+
+    def __init__(self, edges: Edges, state: RunState | Started, edge: str, by: str) -> None:
+        self.id = state.run
+        self.edge = edge
+        self.roles: Mapping[str, Sequence[str]] = state.roles if isinstance(state, Started) else {}
+        self._edges = edges
+        self._by = by
+
+    def state(self) -> RunState | None:
+        """Return what it looks like now; None when its edge does not answer."""
+        return next(iter(self._edges.runs(self.id)), None)
+
+    def follow(self, every: float = LOOK) -> Iterator[RunState]:
+        """Yield what it looks like, every so many seconds, its end last.
+
+        Raises TimedOut when its edge is silent for 10 s: then nobody knows how it ends.
+        """
+        heard = time.monotonic()
+        while True:
+            state = self.state()
+            if state is not None:
+                heard = time.monotonic()
+                yield state
+                if state.outcome:
+                    return
+            elif time.monotonic() - heard > SILENT:
+                raise TimedOut(f"run {self.id}: the edge does not answer; nobody knows")
+            time.sleep(every)
+
+    def wait(self) -> RunState:
+        """Return its end; raises TimedOut like ``follow``."""
+        *_, last = self.follow()
+        return last
+
+    def pause(self) -> None:
+        """Let its robots hold; raises Refused."""
+        self._control(ControlAsk("pause"))
+
+    def resume(self) -> None:
+        """Let it go on; raises Refused, also where it asks first."""
+        self._control(ControlAsk("resume"))
+
+    def abort(self) -> None:
+        """End it as its mission says (``on_abort``); raises Refused."""
+        self._control(ControlAsk("abort"))
+
+    def answer(self, *, goes_on: bool) -> None:
+        """Answer the question that it asks now; raises Refused."""
+        state = self.state()
+        question = state.question.id if state is not None and state.question is not None else 0
+        self._control(ControlAsk("answer", question, goes_on=goes_on))
+
+    def log(self) -> list[Told]:
+        """Return what happened in it, the oldest line first; raises TimedOut."""
+        return self._edges.story(self.edge, self.id)
+
+    def results(self) -> list[Result]:
+        """Return what it has left behind so far: files on the disk of its edge."""
+        return self._edges.results(self.edge, self.id)
+
+    def _control(self, asked: ControlAsk) -> None:
+        """Control it; raises Refused, TimedOut."""
+        named = msgspec.structs.replace(asked, session_id=self._by)
+        refusal = self._edges.control_run(self.edge, self.id, named).refusal
+        if refusal:
+            raise Refused(f"run {self.id}: {refusal}")
+
+
+def start_mission(
+    edges: Edges,
+    what: str,
+    *,
+    inputs: Mapping[str, Any],
+    robots: Mapping[str, Sequence[str]],
+    filled: Callable[[Mapping[str, Sequence[str]]], None] = lambda _roles: None,
+) -> MissionRun:
+    """Start a mission of fleet.yaml, or that in a mission or plan file, and return its run; raises Refused.
+
+    ``robots`` are chosen for roles; the edge fills the others. ``filled`` hears who fills which role before
+    anything moves, and may raise.
+    """
+    by, run = local_user(), uuid.uuid4().hex[:8]
+    name, sent = mission_named(what)
+    chosen = {role: list(names) for role, names in robots.items()}
+    ask = StartAsk(mission=sent, inputs=dict(inputs), robots=chosen, run=run, session_id=by)
+    edge = edge_of(edges, name, chosen, sent)
+    shown = _taken(edges.start_mission(edge, name, msgspec.structs.replace(ask, only_fill=True)))
+    filled(shown.roles)
+    started = _taken(edges.start_mission(edge, name, msgspec.structs.replace(ask, robots=shown.roles)))
+    return MissionRun(edges, msgspec.structs.replace(started, roles=shown.roles), edge, by)
+
+
+def known_mission(edges: Edges, name: str) -> MissionState:
+    """Return a mission by its name; raises Refused."""
+    found = edges.missions(name)
+    if not found:
+        known = ", ".join(each.name for each in edges.missions("*")) or "none"
+        raise Refused(f"there is no mission {name!r}", hint=f"there are: {known}")
+    if len(found) > 1:
+        raise Refused(
+            f"several edges have a mission {name!r}", hint="name the edge by its file: -f fleet.yaml"
+        )
+    return found[0]
+
+
+def find_run(edges: Edges, run: str, *, ended: bool = False) -> RunState:
+    """Return a run by its id or its beginning; left out, the only one under way, or the newest. Refused."""
+    found = [each for each in edges.runs("*") if ended or not each.outcome]
+    if run:
+        found = [each for each in found if each.run.startswith(run)]
+    elif ended:
+        found = sorted(found, key=lambda each: each.started)[-1:]
+    if len(found) == 1:
+        return found[0]
+    what = f"run {run!r}" if run else "run"
+    if not found:
+        raise Refused(f"there is no {what}" + ("" if ended else " under way"), hint="fleet mission ps --all")
+    raise Refused(f"there are several: {', '.join(each.run for each in found)}", hint="name one")
+
+
+def mission_named(what: str) -> tuple[str, dict[str, Any] | None]:
+    """Return a mission's name, and the mission itself where it is a file; raises Refused, ConfigError."""
+    path = Path(what)
+    if path.suffix not in MISSION_FILES:
+        return what, None
+    name = "".join(each if each.isalnum() else "-" for each in path.stem.lower()) or "plan"
+    if path.suffix in _YAML:
+        from fleet.config.missions import Known, read_mission  # noqa: PLC0415 - pydantic is slow to import
+
+        return name, read_mission(path, os.environ, Known()).data
+    return name, plan_mission(path)
+
+
+def plan_mission(path: Path) -> dict[str, Any]:
+    """Return the mission of one step that lets one aircraft fly a plan file; raises Refused."""
+    from fleet.missions.plan import mission_of_plan, plan_in  # noqa: PLC0415 - only for files
+
+    try:
+        return mission_of_plan(plan_in(path.read_bytes()), f"the plan {path.name}")
+    except (OSError, WireError) as error:
+        raise Refused(f"{path}: {error}") from None
+
+
+def _taken(started: Started) -> Started:
+    """Return the answer to a start; raises Refused."""
+    if started.refusal:
+        raise Refused(started.refusal, hint=started.hint)
+    return started
+
+
+def edge_of(edges: Edges, name: str, robots: Mapping[str, Sequence[str]], sent: dict[str, Any] | None) -> str:
+    """Return which edge is to run a mission; raises Refused."""
+    if sent is None:
+        return known_mission(edges, name).edge
+    owners = {robot.edge for names in robots.values() for each in names for robot in edges.named(each)}
+    owners = owners or {edge.edge for edge in edges.edges()}
+    if len(owners) != 1:
+        raise Refused(
+            f"several edges could run it: {', '.join(sorted(owners))}", hint="-f fleet.yaml says which"
+        )
+    return owners.pop()

@@ -1,0 +1,126 @@
+"""Robots of this edge in runs of other edges: their leases, and what happens when one lapses."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable, Mapping
+from functools import partial
+
+import msgspec
+
+from fleet.bus import keys
+from fleet.bus.zenoh_session import Query, ZenohSession
+from fleet.clock import Clock
+from fleet.config.schema import PartnerConfig
+from fleet.host.safety.admission import LEAVE
+from fleet.host.safety.source_policy import SourcePolicy
+from fleet.missions.coordination import CoordinatorLeases, Lapsed, LeaseAnswer, LeaseAsk
+from fleet.missions.run import Robot
+from fleet.missions.run_robots import COMES_DOWN
+from fleet.model.command import Origin, Reply, Transport
+from fleet.model.event import EventKind, EventReport, Severity
+from fleet.runtime.decoding import decode_json
+
+log = logging.getLogger(__name__)
+
+LOOK_EVERY = 0.5  # s
+
+
+class Coordinators:
+    """The other edges that may have this edge's robots in their runs (``partners`` of fleet.yaml).
+
+    ``site`` is the origin of this edge's frame; ``record`` writes the history.
+    """
+
+    def __init__(
+        self,
+        edge: str,
+        partners: Mapping[str, PartnerConfig],
+        robots: Mapping[str, Robot],
+        policies: Mapping[str, SourcePolicy],
+        *,
+        site: tuple[float, float, float] | None,
+        record: Callable[[str, EventReport], None],
+        soon: Callable[[Callable[[], None]], None],
+        clock: Clock,
+    ) -> None:
+        self._edge, self._robots, self._policies, self._site = edge, robots, policies, site
+        self._trusted = {name for name, partner in partners.items() if partner.coordinates}
+        self._record, self._soon, self._clock = record, soon, clock
+        self._leases = CoordinatorLeases()
+
+    def declare(self, control: ZenohSession, every: Callable[[float, Callable[[], None]], object]) -> None:
+        """Take questions for leases, and look at those that are held."""
+        if self._trusted:
+            control.answer(keys.coordinator(self._edge), self._asked)
+            every(LOOK_EVERY, self.look)
+
+    def look(self) -> None:
+        """Do what is to be done with robots whose leases have lapsed; on the loop."""
+        for lapsed in self._leases.lapsed(self._clock.monotonic()):
+            self._secure(lapsed)
+
+    def _asked(self, question: Query) -> None:
+        """Take a question for a lease; on the bus's thread."""
+        self._soon(partial(self._answer, question))
+
+    def _answer(self, question: Query) -> None:
+        """Grant a lease, renew it, or say why not; on the loop."""
+        try:
+            ask = decode_json(question.payload, LeaseAsk)
+        except msgspec.DecodeError as error:
+            refusal = str(error)
+        else:
+            refusal = self._refusal(ask)
+            if not refusal:
+                self._leases.grant(ask, self._clock.monotonic())
+        answer = LeaseAnswer(refusal, self._site)
+        question.reply(msgspec.json.encode(answer), keys.coordinator(self._edge))
+        question.close()
+
+    def _refusal(self, ask: LeaseAsk) -> str:
+        """Return why an edge may not have robots in its run; empty when it may."""
+        if ask.edge not in self._trusted:
+            return f"fleet.yaml of {self._edge} does not let {ask.edge} coordinate its robots (partners)"
+        if not ask.begins:
+            lapsed = bool(ask.robots) and not self._leases.holds(ask.edge, ask.run)
+            return "the lease has lapsed" if lapsed else ""
+        way = Transport.CLOUD if ask.way == Transport.CLOUD else Transport.BUS
+        origin = Origin(way, ask.source_type, ask.session_id)
+        for robot in ask.robots:
+            if robot not in self._robots:
+                return f"{self._edge} has no robot {robot!r}"
+            refusal = self._policies[robot].mission_refusal(origin, commands=True, navigates=True)
+            if refusal is not None:
+                return f"{robot}: {refusal}"
+        return ""
+
+    def _secure(self, lapsed: Lapsed) -> None:
+        """Make a robot safe whose coordinator is silent; one that is out of its run already is left alone."""
+        robot = self._robots[lapsed.robot]
+        state = robot.state()
+        if state.run != lapsed.run:
+            return
+        why = f"edge {lapsed.edge}, which coordinates run {lapsed.run}, is silent"
+        event = EventReport(self._clock.time(), EventKind.STOP, f"{why}: {lapsed.do}", Severity.ERROR)
+        self._record(lapsed.robot, event)
+        log.error("%s: %s: %s", lapsed.robot, why, lapsed.do)
+        if lapsed.do == "hold" and not (state.last_command in COMES_DOWN and state.activity):
+            self._ask(robot, "stop", lapsed)
+            return
+        self._ask(robot, LEAVE, lapsed)  # nobody else than its run may move it
+        if lapsed.do != "hold":  # else it lands already, which only makes it safer
+            self._ask(robot, lapsed.do, lapsed)
+
+    def _ask(self, robot: Robot, command: str, lapsed: Lapsed) -> None:
+        """Command a robot in the name of this edge; one that refuses is stopped."""
+
+        def answered(reply: Reply) -> None:
+            if command not in ("stop", LEAVE) and (not reply.ok or reply.done is False):
+                self._soon(partial(self._ask, robot, "stop", lapsed))
+
+        data = {"run": lapsed.run} if command == LEAVE else {}
+        message = {"command": command, "data": data, "session_id": f"lease of {lapsed.edge}"}
+        request = robot.read("command", msgspec.json.encode(message), way=Transport.MISSION, waits=True)
+        if request is not None:
+            request(answered)
