@@ -1,8 +1,9 @@
 """How far apart the start frames of twenty simulated drones are that are started at one instant.
 
 Ten drones are in the edge's own process and ten in a worker; both speak to their vehicles through relays that
-note when the first frame of the command passes to each. ``fleet send all set_home_here --at`` is run as a
-person runs it, again and again. The skew of a round is from its first start frame to its last.
+note when the first frame of the command passes to each. ``fleet send all set_home_here --at``, and then a
+mission whose step says ``start: together``, are run as a person runs them, again and again. The skew of a
+round is from its first start frame to its last.
 """
 
 import os
@@ -20,6 +21,12 @@ ROUNDS = 20
 AHEAD = 4.0  # s
 AIM = 0.05  # s
 COMMAND_INT, SET_HOME = 75, 179
+SEND = ("send", "all", "set_home_here", "--at", f"+{AHEAD:g}s")
+MISSION = {
+    "version": 1,
+    "roles": {"wing": {"from": "all", "count": DRONES}},
+    "steps": [{"id": "go", "start": "together", "do": {"wing": "set_home_here"}}],
+}
 
 
 class Relay:
@@ -78,26 +85,32 @@ def run():
     with (
         vehicles(half, to=to[0], prompt=True),
         vehicles(half, to=to[1], first_id=half + 1, prompt=True),
-        fleet(robots, None, groups=groups) as running,
+        fleet(robots, None, groups=groups, missions={"go": MISSION}) as running,
     ):
         running.all_well(DRONES)
-        skews, refused = [], 0
-        for _ in range(ROUNDS):
-            skew = _round(relays, running.runtime)
-            skews += [skew] if skew is not None else []
-            refused += skew is None
+        for what, words in (("send --at", SEND), ("mission", ("mission", "run", "go"))):
+            _measure(what, words, relays, running.runtime)
+
+
+def _measure(what, words, relays, runtime):
+    """Measure one way of starting."""
+    skews, refused = [], 0
+    for _ in range(ROUNDS):
+        skew = _round(words, relays, runtime)
+        skews += [skew] if skew is not None else []
+        refused += skew is None
     half_of_them, worst = quantiles(skews)
-    line(f"skew of {DRONES} start frames, p50 of {len(skews)} starts", f"{half_of_them * 1e3:.1f} ms")
-    line("skew, p99", f"{worst * 1e3:.1f} ms", f"(<= {AIM * 1e3:.0f} ms)")
-    line("skew, worst", f"{max(skews) * 1e3:.1f} ms")
-    line("starts that were refused as a whole", f"{refused}")
+    line(f"{what}: skew of {DRONES} start frames, p50 of {len(skews)}", f"{half_of_them * 1e3:.1f} ms")
+    line(f"{what}: skew, p99", f"{worst * 1e3:.1f} ms", f"(<= {AIM * 1e3:.0f} ms)")
+    line(f"{what}: skew, worst", f"{max(skews) * 1e3:.1f} ms")
+    line(f"{what}: starts that were refused as a whole", f"{refused}")
 
 
-def _round(relays, runtime):
+def _round(words, relays, runtime):
     """Start all once; return the skew (s), None where nobody was started."""
     for relay in relays:
         relay.seen.clear()
-    command = [sys.executable, "-m", "fleet", "send", "all", "set_home_here", "--at", f"+{AHEAD:g}s"]
+    command = [sys.executable, "-m", "fleet", *words]
     environment = os.environ | {"FLEET_RUNTIME_DIR": runtime}
     done = subprocess.run(command, env=environment, capture_output=True, check=False, text=True, timeout=60)
     seen = [at for relay in relays for at in list(relay.seen.values())]

@@ -29,6 +29,7 @@ from fleet.client.missions import (
 )
 from fleet.errors import Refused
 from fleet.missions.report import ControlAsk, StartAsk
+from fleet.missions.words import told_line
 
 
 @click.group()
@@ -222,8 +223,7 @@ def story(out: Output, run: str, *, file: str | None) -> ExitCode:
     out.data({"run": state.run, "log": [msgspec.to_builtins(each) for each in lines]})
     for each in lines:
         clock = time.strftime("%H:%M:%S", time.localtime(each.stamp))
-        where = " ".join(word for word in (each.step, each.robot) if word)
-        out.say(f"{clock} {where}{': ' if where else ''}{each.text}")
+        out.say(f"{clock} {told_line(each.text, each.robot, each.step)}")
     return ExitCode.OK
 
 

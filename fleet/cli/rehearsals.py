@@ -14,6 +14,7 @@ from fleet.client.edges import Edges
 from fleet.errors import Refused
 from fleet.missions.rehearsal import RehearsalAsk, RehearsalNote, RehearsalResult, RehearsalState
 from fleet.missions.report import StartAsk
+from fleet.missions.words import told_line
 
 LOOK = 0.3  # s
 QUIET = 2.0  # s without news after which it is told how far it is
@@ -65,8 +66,7 @@ def _followed(out: Output, edges: Edges, key: str, begun: RehearsalState) -> Reh
 
 def note_line(note: RehearsalNote) -> str:
     """Return a line of the story: when (simulated seconds), where and what."""
-    where = " ".join(word for word in (note.step, note.robot) if word)
-    return f"{note.at:8.1f} s  {where}{': ' if where else ''}{note.text}"
+    return f"{note.at:8.1f} s  {told_line(note.text, note.robot, note.step)}"
 
 
 def page(result: RehearsalResult, again: str) -> Iterator[str]:

@@ -11,6 +11,7 @@ from fleet.client.missions import MissionRun
 from fleet.config.text import printable
 from fleet.errors import TimedOut
 from fleet.missions.report import RunRobot, RunState
+from fleet.missions.words import OUTCOMES, phase_words, step_of
 
 WIDE = 200  # columns of a table that goes to no terminal
 EXITS = {"completed": ExitCode.OK, "completed_with_losses": ExitCode.SOME_FAILED, "unknown": ExitCode.UNKNOWN}
@@ -18,25 +19,30 @@ EXITS = {"completed": ExitCode.OK, "completed_with_losses": ExitCode.SOME_FAILED
 
 def state_line(state: RunState) -> str:
     """Return a run in one line."""
-    words = [state.run, state.mission, state.outcome or state.phase]
-    if not state.outcome:
-        words.append(f"step {state.step}, {state.seconds:.0f} s")
+    words = f"run {state.run} of {state.mission} "
+    if state.outcome:
+        words += f"has ended: {state.outcome.replace('_', ' ')}"
+    else:
+        words += f"{phase_words(state.phase, state.step)} ({state.seconds:.0f} s since its start)"
+    if state.waits_for:
+        words += f": {state.waits_for}"
     if state.reason:
-        words.append(f"({state.reason})")
+        words += f": {state.reason}"
     if state.question is not None:
-        words.append(
-            f"asks: {state.question.text} [{state.question.seconds:.0f} s, else {state.question.on_timeout}]"
-        )
-    return "  ".join(words) + (f"  {state.problem}" if state.problem else "")
+        left, otherwise = state.question.seconds, state.question.on_timeout
+        words += f". It asks: {state.question.text} Answer within {left:.0f} s, else: {otherwise}"
+    return words + (f". {state.problem}" if state.problem else "")
 
 
 def robot_lines(state: RunState) -> list[str]:
     """Return what each robot of a run does, or how it is out."""
-    return [
-        f"{each.robot} ({each.role}): {each.doing or each.outcome or 'waits'}"
-        + (f": {each.reason}" if each.reason else "")
-        for each in state.robots
-    ]
+    lines = []
+    for each in state.robots:
+        words = OUTCOMES.get(each.outcome, each.outcome) or "waits for its next step"
+        if each.doing:
+            words = "is a spare" if each.doing == "spare" else f"does {each.doing}"
+        lines.append(f"{each.robot} ({each.role}) {words}" + (f": {each.reason}" if each.reason else ""))
+    return lines
 
 
 def lane_lines(states: Sequence[RunState], width: int | None) -> list[str]:
@@ -77,10 +83,14 @@ def follow(out: Output, run: MissionRun) -> ExitCode:
 
 def _tell(out: Output, state: RunState, shown: set[str]) -> None:
     """Show what is new."""
-    lines = [f"step {state.step}: {state.phase}"] if not state.outcome else []
+    run, step = f"the run {phase_words(state.phase, state.step)}", step_of(state.step)
+    lines = [run + (f": {state.waits_for}" if state.waits_for else "")] if not state.outcome else []
     if state.question is not None:
-        lines.append(f"asks: {state.question.text}  fleet mission answer continue|abort {state.run}")
-    lines += [f"step {state.step}: {line}" for line in robot_lines(state) if not line.endswith("waits")]
+        lines.append(f"it asks: {state.question.text}  fleet mission answer continue|abort {state.run}")
+    active = [each for each in state.robots if each.doing and each.doing != "spare"]
+    lines += [
+        f"step {step}: {line}" for line in robot_lines(msgspec.structs.replace(state, robots=tuple(active)))
+    ]
     for line in lines:
         if line not in shown:
             shown.add(line)

@@ -1,4 +1,4 @@
-"""``fleet schema``: the JSON Schema of fleet.yaml, for completion and checking in editors."""
+"""``fleet schema``: the JSON Schema of fleet.yaml and of missions, for completion and checking in editors."""
 
 from __future__ import annotations
 
@@ -7,18 +7,22 @@ import json
 import click
 
 from fleet.cli.adapters import file_option, registry_of
-from fleet.config.json_schema import json_schema
+from fleet.config.json_schema import json_schema, mission_file_schema
 
 
 @click.command()
 @file_option
+@click.option("--mission", is_flag=True, help="Of a file with one mission.")
 @click.option("--json", "as_json", is_flag=True, help="It is JSON in any case.")
-def schema(file: str | None, as_json: bool) -> None:  # noqa: ARG001, FBT001 - every command takes --json
+def schema(file: str | None, *, mission: bool, as_json: bool) -> None:  # noqa: ARG001 - every command takes --json
     """Print the JSON Schema of fleet.yaml for editors.
 
     It knows every adapter that is installed and, with -f, those of the file's drop-in folders. Save it
     beside fleet.yaml and begin that file with:
 
     # yaml-language-server: $schema=fleet.schema.json
+
+    With --mission it is that of a mission file.
     """
-    click.echo(json.dumps(json_schema(registry_of(file)), indent=2))
+    found = mission_file_schema() if mission else json_schema(registry_of(file))
+    click.echo(json.dumps(found, indent=2))

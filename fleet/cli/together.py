@@ -24,12 +24,19 @@ from fleet.client.edges import Edges, decoded
 from fleet.client.local_user import stamped
 from fleet.errors import Refused
 from fleet.model.command import Reply
-from fleet.model.start import AT_LEAST, FARTHEST, Offset, StartAnswer, StartAsked, offset_of
+from fleet.model.start import (
+    AT_LEAST,
+    FARTHEST,
+    PINGS,
+    Offset,
+    StartAnswer,
+    StartAsked,
+    check_clock,
+    offset_of,
+)
 from fleet.model.state import RobotState
 from fleet.robot_config import MAIN
 
-CLOCKS_WITHIN = 0.02  # s by which the clock of a process may be off, the error of measuring it counted
-PINGS = 8  # questions by which a clock is measured; the fastest counts
 PING_WITHIN = 1.0  # s
 SPARE = 0.2  # s before the instant by which everyone must have taken it, or nobody begins
 
@@ -105,7 +112,8 @@ class CommonStart:
         for edge, bus_session in self._lanes.items():
             offsets = _offsets(bus_session, edge)
             for process in sorted(process for of, process in wanted if of == edge):
-                _check(edge, process, offsets.get(process))
+                where = f"edge {edge}" if process == MAIN else f"worker {process} of edge {edge}"
+                check_clock(where, offsets.get(process))
 
     def run(self, *, wait: bool, within: float) -> tuple[list[Answers], dict[str, str]]:
         """Prepare all and tell the instant; return whose answers are to come, and what hindered whom.
@@ -180,16 +188,3 @@ def _offsets(bus_session: ZenohSession, edge: str) -> dict[str, Offset]:
             if known is None or offset.bound < known.bound:
                 best[answer.process] = offset
     return best
-
-
-def _check(edge: str, process: str, offset: Offset | None) -> None:
-    """Raise Refused for a clock that is not ours, or that nobody could measure."""
-    where = f"edge {edge}" if process == MAIN else f"worker {process} of edge {edge}"
-    if offset is None:
-        raise Refused(f"{where} does not tell its time: nobody is started")
-    if offset.worst > CLOCKS_WITHIN:
-        raise Refused(
-            f"the clock of {where} is {offset.seconds * 1000:+.0f} ms from ours (within "
-            f"{offset.bound * 1000:.0f} ms), {CLOCKS_WITHIN * 1000:.0f} ms are the most: nobody is started",
-            hint="synchronise the clocks, by NTP or PTP",
-        )

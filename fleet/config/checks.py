@@ -157,6 +157,21 @@ def check_stop_inputs(data: Mapping[str, object], document: Document) -> None:
                 document.report(mark, f"there is no robot or group {name!r}", nearest(name, names))
 
 
+def check_notify(data: Mapping[str, object], document: Document) -> None:
+    """Report targets of notices for robots and groups that there are not."""
+    targets, listed, groups = (data.get(key) for key in ("notify", "robots", "groups"))
+    if not isinstance(targets, list) or not isinstance(listed, list):
+        return
+    names = {str(robot["name"]) for robot in listed if isinstance(robot, dict) and "name" in robot}
+    names |= set(groups) if isinstance(groups, dict) else set()
+    for index, one in enumerate(targets):
+        robots = one.get("robots") if isinstance(one, dict) else None
+        for at, name in enumerate(robots if isinstance(robots, list) else ()):
+            if isinstance(name, str) and name not in names:
+                mark = document.marks["notify", index, "robots", at]
+                document.report(mark, f"there is no robot or group {name!r}", nearest(name, names))
+
+
 def check_schedules(data: Mapping[str, object], document: Document) -> None:
     """Report schedules of missions and robots that there are not."""
     schedules, missions, listed = (data.get(key) for key in ("schedules", "missions", "robots"))

@@ -9,6 +9,7 @@ from typing import Any
 from pydantic import Field, create_model
 from pydantic.errors import PydanticInvalidForJsonSchema
 
+from fleet.config.mission_schema import mission_schema
 from fleet.config.schema import FleetConfig, Sections
 from fleet.plugins.registry import PluginState, Registry
 from fleet.robot_config import AdapterConfig
@@ -34,8 +35,16 @@ def json_schema(registry: Registry) -> dict[str, object]:
     schema["properties"]["defaults"] = _defaults(kinds, schema["properties"]["defaults"]["description"])
     for kind in kinds:  # the rest may stand in defaults:
         kind["required"] = [key for key in _OWN_TO_ROBOT if key in kind["properties"]]
+    mission = mission_schema()
+    definitions |= mission.pop("$defs") | {"MissionConfig": mission}
+    schema["properties"]["missions"]["additionalProperties"] = {"$ref": "#/$defs/MissionConfig"}
     schema["patternProperties"] = {"^x-": {}}
     return {"$schema": DIALECT, **_with_variables(schema)}
+
+
+def mission_file_schema() -> dict[str, object]:
+    """Return the schema of a file that has one mission."""
+    return {"$schema": DIALECT, **_with_variables(mission_schema())}
 
 
 def _robots_field() -> tuple[Any, object]:

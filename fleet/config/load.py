@@ -21,6 +21,7 @@ from fleet.config.checks import (
     Identity,
     check_bus,
     check_followers,
+    check_notify,
     check_partners,
     check_robots,
     check_schedules,
@@ -36,7 +37,9 @@ from fleet.config.drop_in import DropInConfig, asked
 from fleet.config.environment import cloud_from_environment
 from fleet.config.explain import validated, validated_with
 from fleet.config.groups import check_groups, contradiction, said_by_groups
-from fleet.config.missions import Known, Mission, check_missions
+from fleet.config.known import known_of
+from fleet.config.mission_ways import check_ways
+from fleet.config.missions import Mission, check_missions
 from fleet.config.places import check_places
 from fleet.config.problems import InvalidConfig, Path, Problem
 from fleet.config.schema import FleetConfig, Sections
@@ -126,7 +129,8 @@ def _load(file: pathlib.Path, environ: Mapping[str, str], partial: bool, registr
     sections = _sections(document, context)
     robots = _robots(document, registry, context)
     _check_together(document, sections, robots)
-    missions = check_missions(data, document, file.parent, _known(data))
+    missions = check_missions(data, document, file.parent, known_of(data))
+    check_ways(document, sections, (made.config for made in robots.values()), missions)
     _warn(document, sections, robots)
     problems = tuple(sorted(set(document.problems), key=_place_in_file))
     runnable = _runnable(robots, problems)
@@ -145,28 +149,13 @@ def _load(file: pathlib.Path, environ: Mapping[str, str], partial: bool, registr
     return Loaded(config, registry, runnable, file.parent, given, problems, warnings, tuple(missions))
 
 
-def _known(data: Mapping[str, Any]) -> Known:
-    """Return what a mission may name."""
-    listed = data.get("robots")
-    robots = [
-        robot.get("name") for robot in (listed if isinstance(listed, list) else ()) if isinstance(robot, dict)
-    ]
-    groups = data.get("groups")
-    places = data.get("places")
-    partners = data.get("partners")
-    for partner in partners.values() if isinstance(partners, dict) else ():
-        there = partner.get("robots") if isinstance(partner, dict) else None
-        robots += there if isinstance(there, list) else []
-    names = [str(name) for name in (*robots, *(groups if isinstance(groups, dict) else ()))]
-    return Known(names, list(places) if isinstance(places, dict) else [])
-
-
 def _check_together(document: Document, sections: Sections | None, robots: Mapping[int, _Made]) -> None:
     """Report what is wrong between the parts of a fleet file, each of which is right by itself."""
     identities = {index: robot.identity for index, robot in robots.items() if robot.identity}
     check_robots(document.data.get("robots"), identities, document)
     check_groups(document.data, document)
     check_stop_inputs(document.data, document)
+    check_notify(document.data, document)
     check_schedules(document.data, document)
     check_workflows(document.data, document)
     check_partners(document.data, document)

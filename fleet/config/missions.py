@@ -8,16 +8,19 @@ from __future__ import annotations
 
 import json
 import pathlib
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Collection, Iterable, Mapping
+from functools import partial
 from typing import Any
 
 import msgspec
 
 from fleet.config.explain import validated
+from fleet.config.inner_missions import InnerCheck
+from fleet.config.mission_files import with_files
 from fleet.config.problems import InvalidConfig, Path
 from fleet.config.text import nearest
 from fleet.config.yaml import Document, read
-from fleet.errors import Refused, WireError
+from fleet.errors import Refused
 from fleet.missions.compile import compiled, is_for_each
 from fleet.missions.model import (
     ALL,
@@ -28,59 +31,95 @@ from fleet.missions.model import (
     InputConfig,
     MissionConfig,
     StepConfig,
-    normalised,
 )
-from fleet.missions.plan import plan_in
 from fleet.missions.program import Program
-
-LARGEST = 1 << 20  # bytes of a plan file
+from fleet.missions.short_forms import normalised
+from fleet.model.event import EventKind
 
 
 class Mission(msgspec.Struct, frozen=True):
     """A mission that was checked.
 
-    ``data`` is what it says, with the content of its files; ``config`` has samples for inputs.
+    ``data`` is what it says, with the content of its files; ``config`` has samples for inputs. ``others`` are
+    the missions that may be carried out within it, by name.
     """
 
     name: str
     data: dict[str, Any]
     config: MissionConfig
+    others: Mapping[str, Mission] = {}
 
     def program(self, given: Mapping[str, Any]) -> Program:
         """Return the program for values of its inputs; raises Refused naming what is wrong with them."""
+        return compiled(self.name, self.filled(given), self._inner)
+
+    def _inner(self, name: str, given: Mapping[str, Any]) -> MissionConfig:
+        """Return another mission for values of its inputs; raises Refused."""
+        if name not in self.others:
+            raise Refused(
+                f"there is no mission {name!r}", hint=f"known are {', '.join(self.others) or 'none'}"
+            )
+        try:
+            return self.others[name].filled(given)
+        except Refused as error:
+            raise Refused(f"mission {name}: {error.reason}", hint=error.hint) from None
+
+    def filled(self, given: Mapping[str, Any]) -> MissionConfig:
+        """Return the mission with values in the place of its inputs; raises Refused."""
         values = _values(self.config.inputs, given)
         filled = normalised(self.data, values)
         try:
-            mission = MissionConfig.model_validate_json(json.dumps(filled), strict=True)
+            return MissionConfig.model_validate_json(json.dumps(filled), strict=True)
         except ValueError as error:
             first = str(error).splitlines()
             raise Refused(f"{self.name}: {' '.join(first[1:3])}") from None
-        return compiled(self.name, mission)
 
 
 class Known(msgspec.Struct, frozen=True):
-    """What a mission may name: robots and groups, places. None where the fleet is not known."""
+    """What a mission may name: robots and groups, places, missions. None where the fleet is not known."""
 
     names: Collection[str] | None = None
     places: Collection[str] | None = None
+    missions: Mapping[str, Mission] | None = None
+    on_earth: bool | None = None  # whether the site has an origin
+    events: Collection[str] | None = None
+
+
+def events_of(declared: Iterable[str]) -> list[str]:
+    """Return the events that a mission may wait for: the host's own, and those that fleet.yaml declares."""
+    return [*(kind.value for kind in EventKind), *map(str, declared)]
 
 
 def read_mission(path: pathlib.Path, environ: Mapping[str, str], known: Known) -> Mission:
     """Return the mission of a file; raises InvalidConfig with every problem."""
     document = read(path, environ)
-    mission = checked_mission(path.stem, (), document, path.parent, known)
-    if mission is None or document.problems:
-        raise InvalidConfig(document.problems)
-    return mission
+    return _alone(checked_mission(path.stem, (), document, path.parent, known), document, known)
 
 
-def mission_of(name: str, data: Any) -> Mission:
-    """Return a mission that came over the bus, its files in it; raises InvalidConfig."""
+def mission_of(
+    name: str,
+    data: Any,
+    missions: Mapping[str, Mission] | None = None,
+    events: Collection[str] | None = None,
+) -> Mission:
+    """Return a mission that came over the bus, its files in it; raises InvalidConfig.
+
+    ``missions`` are those that may be carried out within it, ``events`` those that it may wait for.
+    """
     document = read_data(data)
-    mission = checked_mission(name, (), document, None, Known())
+    known = Known(missions=missions, events=events)
+    return _alone(checked_mission(name, (), document, None, known), document, known)
+
+
+def _alone(mission: Mission | None, document: Document, known: Known) -> Mission:
+    """Return a mission that stands in a document of its own; raises InvalidConfig."""
+    if mission is not None:
+        others = known.missions or {}
+        named = None if known.missions is None else set(others)
+        _check_inner(mission, (), document, others, named)
     if mission is None or document.problems:
         raise InvalidConfig(document.problems)
-    return mission
+    return msgspec.structs.replace(mission, others=known.missions or {})
 
 
 def read_data(data: Any) -> Document:
@@ -106,13 +145,44 @@ def check_missions(
 ) -> list[Mission]:
     """Return the missions of a fleet file that can be used; the problems of all are reported."""
     listed = data.get("missions")
-    found = []
-    for name, mission in listed.items() if isinstance(listed, dict) else ():
+    found: dict[str, Mission] = {}
+    named = {name: mission for name, mission in listed.items() if mission} if isinstance(listed, dict) else {}
+    for name in named:
         at = ("missions", name)
         base = pathlib.Path(document.marks[at].file).parent if at in document.marks else folder
-        if mission is not None:
-            found.append(checked_mission(name, at, document, base, known))
-    return [mission for mission in found if mission is not None]
+        checked = checked_mission(name, at, document, base, known)
+        if checked is not None:
+            found[name] = msgspec.structs.replace(checked, others=found)
+    for name, mission in found.items():
+        _check_inner(mission, ("missions", name), document, found, set(named))
+    return list(found.values())
+
+
+def _check_inner(
+    mission: Mission, at: Path, document: Document, others: Mapping[str, Mission], named: set[str] | None
+) -> None:
+    """Report what is wrong with the missions that stand within one."""
+
+    def report(path: Path, message: str, hint: str) -> None:
+        _report_at(document, path, message, hint)
+
+    known = {name: each.config for name, each in others.items()}
+    InnerCheck(mission.name, mission.config, known, named, report).all(at, partial(_written, document))
+
+
+def _written(document: Document, path: Path) -> Any:
+    """Return what stands at a path, before inputs are filled in; None for what is left out."""
+    value = document.data
+    for step in path:
+        value = value.get(step) if isinstance(value, dict) else value[step]
+    return value
+
+
+def _report_at(document: Document, path: Path, message: str, hint: str = "") -> None:
+    """Report a problem at the nearest place that the file has."""
+    while path and path not in document.marks:
+        path = path[:-1]
+    document.report(document.marks[path], message, hint)
 
 
 def checked_mission(
@@ -129,29 +199,30 @@ def checked_mission(
     config = validated(MissionConfig, normalised(data, samples), at, document, {"folder": folder})
     if config is None:
         return None
-    check = _Check(config, at, document, known)
+    check = _Check(config, at, document, known, has_files=folder is not None)
     check.inputs(data, at)
     check.all()
     if folder is not None:
-        data = _with_files(data, at, document, folder)
+        data = with_files(data, at, document, folder)
     return Mission(name, data, config)
 
 
 class _Check:
     """Looks at one mission as a whole."""
 
-    def __init__(self, mission: MissionConfig, at: Path, document: Document, known: Known) -> None:
+    def __init__(
+        self, mission: MissionConfig, at: Path, document: Document, known: Known, *, has_files: bool
+    ) -> None:
         self._mission = mission
         self._at = at
         self._document = document
         self._known = known
+        self._has_files = has_files
         self._ids: set[str] = set()
 
     def report(self, path: Path, message: str, hint: str = "") -> None:
         """Report a problem at the nearest place that the file has."""
-        while path and path not in self._document.marks:
-            path = path[:-1]
-        self._document.report(self._document.marks[path], message, hint)
+        _report_at(self._document, path, message, hint)
 
     def inputs(self, value: Any, at: Path) -> None:
         """Report inputs that are used and not declared."""
@@ -240,26 +311,38 @@ class _Check:
 
     def _condition(self, condition: ConditionConfig | None, where: Path) -> None:
         """Check whose condition it is."""
-        if condition is not None:
-            self._role(condition.role, (*where, "role"))
+        if condition is None:
+            return
+        self._role(condition.role, (*where, "role"))
+        event, known = condition.event, self._known.events
+        if event is not None and known is not None and event not in known:
+            hint = nearest(event, known) or "name it under events: in fleet.yaml, where a program reports it"
+            self.report((*where, "event"), f"nobody reports the event {event!r}", hint)
 
     def _act(self, act: ActConfig, role: str, where: Path) -> None:
         """Check what one role does."""
-        if act.verb == "mission":
-            self.report(
-                (*where, "mission"), "missions within missions are not carried out yet", "write its steps"
-            )
-        if act.path is not None and not all(isinstance(each, list) for each in act.path):
-            self.report((*where, "path"), "a path is not read from a file yet", "write [[x, y], [x, y]]")
-        if isinstance(act.goto, str):
+        if isinstance(act.goto, str) and isinstance(_written(self._document, (*where, "goto")), str):
             self._place(act.goto, (*where, "goto"))
-        value = getattr(act, act.verb)
+        value, place = getattr(act, act.verb), (*where, act.verb)
+        if act.verb in {"goto", "path"} and self._known.on_earth is False and _is_on_earth(value):
+            message = "nobody knows where the site is on Earth"
+            self.report(place, message, "site: {origin: [latitude, longitude, altitude]} in fleet.yaml")
+        files = value if isinstance(value, list) else [value]
+        if (
+            act.verb in {"path", "plan"}
+            and not self._has_files
+            and any(isinstance(each, str) for each in files)
+        ):
+            self.report(place, "a mission that is sent has the content of its files in it")
         if is_for_each(act.verb, value) and role in self._mission.roles:
             most = self._mission.roles[role].count.max
             if len(value) not in (1, most):
-                self.report(
-                    (*where, act.verb), f"{len(value)} files for {most} robots", "one, or one for each"
-                )
+                self.report(place, f"{len(value)} files for {most} robots", "one, or one for each")
+
+
+def _is_on_earth(value: Any) -> bool:
+    """Return whether a goal or a path has a point on Earth."""
+    return isinstance(value, dict) or (isinstance(value, list) and any(map(_is_on_earth, value)))
 
 
 def _values(inputs: Mapping[str, InputConfig], given: Mapping[str, Any]) -> dict[str, Any]:
@@ -288,47 +371,3 @@ def _samples(data: Any) -> dict[str, Any]:
         except ValueError:
             continue
     return found
-
-
-def _with_files(data: Any, at: Path, document: Document, folder: pathlib.Path) -> Any:
-    """Return a mission's data with the content of its files in the place of their names."""
-    if isinstance(data, dict):
-        return {
-            key: _read_in(value, (*at, key), document, folder)
-            if key == "plan" and isinstance(value, str | list)
-            else _with_files(value, (*at, key), document, folder)
-            for key, value in data.items()
-        }
-    if isinstance(data, list):
-        return [_with_files(each, (*at, index), document, folder) for index, each in enumerate(data)]
-    return data
-
-
-def _read_in(value: Any, at: Path, document: Document, folder: pathlib.Path) -> Any:
-    """Return the plan in a file, or in each of several; None after reporting why it cannot be read."""
-    if isinstance(value, list):
-        return [_read_in(each, (*at, index), document, folder) for index, each in enumerate(value)]
-    try:
-        return plan_in(_bytes_of(folder / value))
-    except (OSError, WireError) as error:
-        why = error.strerror if isinstance(error, OSError) else str(error)
-        document.report(document.marks[at], f"{value}: {why}")
-        return None
-
-
-def _bytes_of(path: pathlib.Path) -> bytes:
-    """Read a file; raises OSError, WireError for one that is too large."""
-    with path.open("rb") as file:
-        data = file.read(LARGEST + 1)
-    if len(data) > LARGEST:
-        raise WireError(f"is larger than {LARGEST >> 20} MiB")
-    return data
-
-
-def uses_inputs(data: Any) -> Iterator[str]:
-    """Yield the inputs that some data uses."""
-    if isinstance(data, dict) and set(data) == {"input"}:
-        yield str(data["input"])
-    elif isinstance(data, dict | list):
-        for each in data.values() if isinstance(data, dict) else data:
-            yield from uses_inputs(each)

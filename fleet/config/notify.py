@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Mapping
 from typing import Self
 
 from pydantic import Field, SecretStr, model_validator
@@ -35,7 +36,7 @@ class NotifyConfig(Model):
         TOLD,
         description="Kinds of events, as `fleet history` names them; errors are always told.",
     )
-    robots: tuple[Name, ...] = Field((), description="Only of these robots. None: all.")
+    robots: tuple[Name, ...] = Field((), description="Only of these robots and groups. None: all.")
     timeout: float = Field(5.0, gt=0, le=60, description="Seconds that it may take; it is tried three times.")
     per_minute: int = Field(
         12, ge=1, le=600, description="Most notices in a minute; what is left out is counted, and told."
@@ -53,3 +54,15 @@ class NotifyConfig(Model):
         if self.url is not None and not self.url.get_secret_value().startswith(("http://", "https://")):
             raise wrong("url", "must begin with http:// or https://")
         return self
+
+
+def with_members(
+    configs: Iterable[NotifyConfig], groups: Mapping[str, tuple[str, ...]]
+) -> tuple[NotifyConfig, ...]:
+    """Return the targets with the robots of groups in the place of their names."""
+    return tuple(
+        each.model_copy(
+            update={"robots": tuple(robot for name in each.robots for robot in groups.get(name, (name,)))}
+        )
+        for each in configs
+    )

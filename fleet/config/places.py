@@ -101,7 +101,7 @@ def check_places(
     """
     all_robots = list(robots)
     for name, config in places.items():
-        allowed = {robot.name: _may_be(robot, config.place(name), site) for robot in all_robots}
+        allowed = {robot.name: is_allowed(robot, config.place(name), site) for robot in all_robots}
         out = sorted(robot for robot, may in allowed.items() if may is False)
         if not out:
             continue
@@ -112,7 +112,7 @@ def check_places(
             document.warn(mark, message, "they will refuse to go there")
 
 
-def _may_be(robot: AdapterConfig, place: Place, site: Site | None) -> bool | None:
+def is_allowed(robot: AdapterConfig, place: Place, site: Site | None) -> bool | None:
     """Return whether a robot's fence lets it be at the point of a place; None while nobody can tell."""
     fence = robot.fence
     on_earth = _on_earth(place, site)

@@ -10,7 +10,7 @@ from pydantic import AfterValidator, Field, SecretStr, model_validator
 
 from fleet.config.endpoints import COMMON_NAME, Insecure, Role, check_locator, is_encrypted, is_local
 from fleet.config.groups import Group, members_of
-from fleet.config.notify import NotifyConfig
+from fleet.config.notify import NotifyConfig, with_members
 from fleet.config.places import PlaceConfig
 from fleet.robot_config import AdapterConfig, Name
 from fleet.schedules.model import ScheduleConfig
@@ -356,6 +356,11 @@ class Sections(Model):
     missions: dict[Name, Any] = Field(
         {}, description="What groups of robots shall do; docs/how-to/missions.md has the grammar."
     )
+    events: tuple[Name, ...] = Field(
+        (),
+        description="Events that programs on the bus report of robots, such as person_seen: missions may "
+        "wait for them, as they may for those of `fleet history`.",
+    )
     schedules: dict[Name, ScheduleConfig] = Field(
         {}, description="When missions start by themselves (docs/how-to/groups.md)."
     )
@@ -372,6 +377,11 @@ class Sections(Model):
     notify: tuple[NotifyConfig, ...] = Field(
         (), description="Webhooks and programs that are told of faults and stops, also without a cloud."
     )
+
+    @property
+    def notified(self) -> tuple[NotifyConfig, ...]:
+        """Return who is told, with the robots of groups in the place of their names."""
+        return with_members(self.notify, self.members)
 
     @property
     def members(self) -> dict[str, tuple[str, ...]]:

@@ -1,96 +1,200 @@
-"""From a checked mission to the program that the engine runs."""
+"""From a checked mission to the program that the engine runs.
+
+Missions within it become part of the same flat list, between an ``Enter`` and a ``Leave``: so pause, abort,
+stops, restarts and undo reach them as they reach any step, and one record has the whole position of a run.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
 
-from fleet.missions.model import ActConfig, BatteryConfig, ConditionConfig, MissionConfig, StepConfig
+import msgspec
+
+from fleet.errors import Refused
+from fleet.missions.model import (
+    ALL,
+    ActConfig,
+    BatteryConfig,
+    ConditionConfig,
+    MissionConfig,
+    RoleConfig,
+    StepConfig,
+)
+from fleet.missions.points import is_point
 from fleet.missions.program import (
     Act,
     Again,
     Ask,
     Condition,
     Do,
+    Enter,
+    Inner,
     Instruction,
+    Leave,
     Loop,
     Program,
     Require,
+    RoleNeed,
     Wait,
     WaitFor,
 )
 
+DEEPEST = 5  # missions within each other
+MOST = 10_000  # instructions of a program
+InnerMission = Callable[[str, Mapping[str, Any]], MissionConfig]
+"""Returns another mission for values of its inputs; raises Refused."""
 
-def compiled(name: str, mission: MissionConfig) -> Program:
-    """Return the program of a mission whose inputs are filled in and whose files are read."""
-    steps: list[Instruction] = []
-    _add(mission.steps, steps)
-    require = mission.require
+
+def compiled(name: str, mission: MissionConfig, inner: InnerMission) -> Program:
+    """Return the program of a mission whose inputs are filled in and whose files are read.
+
+    Raises Refused for missions within it that cannot be carried out.
+    """
+    compiler = _Compiler(inner)
+    require = _require_of(mission)
+    compiler.add(mission, _Scope((name,), "", require))
     return Program(
         mission=name,
-        steps=tuple(steps),
-        quorum={role: mission.quorum.get(role, each.count.min) for role, each in mission.roles.items()},
-        require=Require(require.health, require.battery.min, require.battery.max),
-        occupies=tuple(sorted(mission.occupies)),
+        steps=tuple(compiler.steps),
+        quorum=_quorum_of(mission),
+        require=require,
+        occupies=tuple(sorted(compiler.occupies)),
+        occupy_within=mission.occupy_within,
         deadline=mission.deadline,
         on_failure=mission.on_failure,
         on_abort=mission.on_abort,
         on_restart=mission.on_restart,
+        inner=compiler.inner,
     )
 
 
-def _add(steps: Sequence[StepConfig], to: list[Instruction]) -> None:
-    """Append the instructions of steps."""
-    for step in steps:
-        if step.repeat is None:
-            to.append(_instruction(step))
-            continue
-        begin = len(to)
-        to.append(Loop(step.id, step.repeat.times, 0))  # its end is known below
-        _add(step.repeat.steps, to)
-        to.append(Again(begin))
-        until = step.repeat.until
-        to[begin] = Loop(
-            step.id,
-            step.repeat.times,
-            len(to),
-            _condition(until) if until is not None else None,
-            _only_if(step),
+class _Scope(msgspec.Struct, frozen=True):
+    """The mission that is being compiled: it and those around it, and what its names begin with."""
+
+    missions: tuple[str, ...]
+    prefix: str
+    require: Require
+
+    def condition(self, given: ConditionConfig | None) -> Condition | None:
+        """Return a condition of its roles."""
+        if given is None:
+            return None
+        battery = given.battery or BatteryConfig()
+        role, every = self.prefix + given.role, given.of == "all"
+        return Condition(role, every, battery.min, battery.max, given.health or "", given.event or "")
+
+    def acts(self, given: Mapping[str, ActConfig], timeout: float) -> dict[str, tuple[Act, ...]]:
+        """Return what its roles do."""
+        return {self.prefix + role: _acts(act, timeout) for role, act in given.items()}
+
+
+class _Compiler:
+    """Appends the instructions of a mission, and of those within it."""
+
+    def __init__(self, inner_mission: InnerMission) -> None:
+        self.steps: list[Instruction] = []
+        self.inner: dict[str, Inner] = {}
+        self.occupies: set[str] = set()
+        self._inner_mission = inner_mission
+
+    def add(self, mission: MissionConfig, scope: _Scope) -> None:
+        """Append a mission."""
+        self.occupies |= set(mission.occupies)
+        self._add(mission.steps, scope)
+
+    def _add(self, steps: Sequence[StepConfig], scope: _Scope) -> None:
+        """Append the instructions of steps."""
+        for step in steps:
+            if len(self.steps) > MOST:
+                raise Refused(f"the mission comes to more than {MOST} steps")
+            if step.repeat is not None:
+                self._add_repeat(step, scope)
+            elif step.mission is not None:
+                self._add_mission(step, *step.mission, scope)
+            else:
+                self.steps.append(_instruction(step, scope))
+
+    def _add_repeat(self, step: StepConfig, scope: _Scope) -> None:
+        """Append a repeat: its beginning, its steps, and the way back."""
+        repeat, begin = step.repeat, len(self.steps)
+        assert repeat is not None
+        name, until = scope.prefix + step.id, scope.condition(repeat.until)
+        self.steps.append(Loop(name, repeat.times, 0))  # its end is known below
+        self._add(repeat.steps, scope)
+        self.steps.append(Again(begin))
+        only_if = scope.condition(step.if_)
+        self.steps[begin] = Loop(name, repeat.times, len(self.steps), until, only_if)
+
+    def _add_mission(self, step: StepConfig, role: str, act: ActConfig, scope: _Scope) -> None:
+        """Append a mission that a role carries out."""
+        name, begin = act.mission or "", len(self.steps)
+        if name in scope.missions:
+            raise Refused(f"a mission within itself: {' > '.join((*scope.missions, name))}")
+        if len(scope.missions) > DEEPEST:
+            raise Refused(f"more than {DEEPEST} missions stand within each other")
+        try:
+            mission = self._inner_mission(name, act.with_)
+        except Refused as error:
+            raise Refused(f"step {step.id}: {error.reason}", hint=error.hint) from None
+        where = scope.prefix + step.id
+        require = scope.require.with_(_require_of(mission))
+        inside = _Scope((*scope.missions, name), f"{where}.", require)
+        roles = {inside.prefix + each: _need(found) for each, found in mission.roles.items()}
+        self.inner[where] = Inner(scope.prefix + role, roles, require)
+        leave = Leave(begin, where)
+        self.steps.append(leave)  # in the place of its beginning, whose end is known below
+        self.add(mission, inside)
+        self.steps.append(leave)
+        self.steps[begin] = Enter(
+            where,
+            name,
+            inside.prefix + ALL,
+            len(self.steps),
+            {inside.prefix + each: least for each, least in _quorum_of(mission).items()},
+            mission.deadline,
+            step.robot_failed.do,
+            step.robot_failed.then,
+            scope.condition(step.if_),
         )
 
 
-def _instruction(step: StepConfig) -> Instruction:
+def _require_of(mission: MissionConfig) -> Require:
+    """Return what a mission requires of its robots."""
+    return Require(mission.require.health, mission.require.battery.min, mission.require.battery.max)
+
+
+def _quorum_of(mission: MissionConfig) -> dict[str, int]:
+    """Return how many robots each role must keep."""
+    return {role: mission.quorum.get(role, each.count.min) for role, each in mission.roles.items()}
+
+
+def _need(role: RoleConfig) -> RoleNeed:
+    """Return who fills a role."""
+    return RoleNeed(role.count.min, role.count.max, role.from_, role.kind, role.can)
+
+
+def _instruction(step: StepConfig, scope: _Scope) -> Instruction:
     """Return the instruction of a step that repeats nothing."""
-    only_if = _only_if(step)
+    name, only_if = scope.prefix + step.id, scope.condition(step.if_)
     if step.wait is not None:
-        return Wait(step.id, step.wait, only_if)
-    if step.wait_for is not None:
-        fails = step.wait_for.on_timeout == "fail"
-        return WaitFor(step.id, _condition(step.wait_for), step.wait_for.timeout, fails, only_if)
+        return Wait(name, step.wait, only_if)
+    awaited = scope.condition(step.wait_for)
+    if step.wait_for is not None and awaited is not None:
+        return WaitFor(name, awaited, step.wait_for.timeout, step.wait_for.on_timeout == "fail", only_if)
     if step.ask is not None:
-        return Ask(step.id, step.ask.text, step.ask.timeout, step.ask.on_timeout, only_if)
+        return Ask(name, step.ask.text, step.ask.timeout, step.ask.on_timeout, only_if)
     assert step.do is not None
     return Do(
-        step.id,
-        {role: _acts(act, step.timeout) for role, act in step.do.items()},
+        name,
+        scope.acts(step.do, step.timeout),
         only_if,
-        step.finish,
+        step.finish if step.finish in {"all", "any"} else scope.prefix + step.finish,
         step.start == "together",
         step.robot_failed.do,
         step.robot_failed.then,
-        {role: _acts(act, step.timeout) for role, act in step.undo.items()},
-    )
-
-
-def _only_if(step: StepConfig) -> Condition | None:
-    """Return the condition of a step."""
-    return _condition(step.if_) if step.if_ is not None else None
-
-
-def _condition(given: ConditionConfig) -> Condition:
-    """Return a condition."""
-    battery = given.battery or BatteryConfig()
-    return Condition(
-        given.role, given.of == "all", battery.min, battery.max, given.health or "", given.event or ""
+        scope.acts(step.undo, step.timeout),
+        scope.require if scope.prefix else None,
     )
 
 
@@ -113,9 +217,4 @@ def is_for_each(verb: str, value: object) -> bool:
         return False
     if verb == "plan":
         return True
-    return verb == "path" and not all(_is_point(each) for each in value)
-
-
-def _is_point(value: object) -> bool:
-    """Return whether a value is one point of a path: two or three numbers."""
-    return isinstance(value, list) and all(isinstance(each, int | float) for each in value)
+    return verb == "path" and not all(is_point(each) for each in value)

@@ -121,7 +121,9 @@ class Ending:
         self._head.question = None
         self._head.outcome, self._head.reason = outcome, reason
         self._enter(Phase.ENDED)
-        self._robots.note(f"ended: {outcome}" + (f": {reason}" if reason else ""))
+        self._robots.note(
+            f"The run has ended: {outcome.replace('_', ' ')}" + (f": {reason}" if reason else "")
+        )
         self._robots.effects.append(Ended(outcome, reason))
 
     def _undo(self, begun: Begun, now: float) -> None:
@@ -131,14 +133,14 @@ class Ending:
             return
         had_begun = {part.robot for part in self._robots.parts_of(begun.step)}
         for member in self._robots.ours():
-            acts = step.undo.get(member.role) or step.undo.get("all")
-            if acts and member.robot in had_begun:
-                self._robots.begin(begun.step, member.robot, acts[member.index % len(acts)], "undo", now)
+            act = self._robots.act_of(member, step.undo)
+            if act is not None and member.robot in had_begun:
+                self._robots.begin(begun.step, member.robot, act, "undo", now)
 
     def _leave_off(self, target: RunOutcome, reason: str, now: float) -> None:
         """End what the mission was doing."""
         self._head.target, self._head.reason, self._head.question = target, reason, None
-        self._robots.note(f"{target}: {reason}", step=self._step)
+        self._robots.note(f"The run is to end as {target}: {reason}", step=self._step)
         for part in self._robots.active("do"):
             if not self._robots.comes_down(part.robot):
                 self._robots.end(part, Outcome.SKIPPED, "the run left off", now)

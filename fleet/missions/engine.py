@@ -17,6 +17,7 @@ from fleet.missions.state import (
     Abort,
     Answer,
     Effect,
+    Enlisted,
     Event,
     Facts,
     Head,
@@ -24,6 +25,9 @@ from fleet.missions.state import (
     Hold,
     Left,
     Member,
+    NotStarted,
+    Occupied,
+    Occupy,
     Outcome,
     Part,
     Pause,
@@ -36,6 +40,7 @@ from fleet.missions.state import (
     Start,
     StopAll,
     Tick,
+    required,
 )
 from fleet.missions.steps import Steps
 
@@ -68,13 +73,16 @@ class Engine:
             Tick: self._tick,
             Replied: self._replied,
             Prepared: lambda event: self.steps.prepared(event.robot, event.refusal),
+            Occupied: self._occupied,
+            Enlisted: self.steps.enlisted,
+            NotStarted: self.steps.not_started,
             Facts: self._facts,
             Heard: lambda event: self.seen.heard(event.robot, event.event, self._now),
             Left: self._left,
             Answer: self._answer,
             Pause: self._pause,
             Resume: self._resume,
-            Abort: self._abort,
+            Abort: lambda event: self.ending.abort(f"aborted by {event.by or 'somebody'}", self._now),
             StopAll: self._stop_all,
         }
 
@@ -86,11 +94,11 @@ class Engine:
     @property
     def _now(self) -> float:
         """The time of the event that is being handled."""
-        return self.steps.now
+        return self.steps.losses.now
 
     def handle(self, event: Event, now: float) -> list[Effect]:
         """Take an event; ``now`` is seconds of the run's clock. Returns what is to be done, in order."""
-        self.steps.now = now
+        self.steps.losses.now = now
         if not self.over:
             self._handlers[type(event)](event)
         effects, self.robots.effects = self.robots.effects, []
@@ -102,8 +110,23 @@ class Engine:
         return list(touched.values())
 
     def _start(self, _event: Start) -> None:
-        """Begin with the first step."""
-        if self.head.phase is Phase.NEW:
+        """Begin with the first step, once its places are the run's own."""
+        if self.head.phase is Phase.NEW and self.program.occupies:
+            self.steps.occupy()
+        elif self.head.phase is Phase.NEW:
+            self.steps.go_on()
+
+    def _occupied(self, event: Occupied) -> None:
+        """Begin, or note what the run waits for, or that it waited in vain."""
+        if self.head.phase is not Phase.OCCUPYING:
+            return
+        if event.late:
+            self.ending.fail(event.late, self._now)
+        elif event.waits_for:
+            self.head.waits_for = event.waits_for
+            self.robots.note(f"The run waits for {event.waits_for}")
+        else:
+            self.head.waits_for = ""
             self.steps.go_on()
 
     def _facts(self, event: Facts) -> None:
@@ -128,7 +151,7 @@ class Engine:
         elif again and current:
             self.robots.begin(part.step, part.robot, part.act, "do", self._now, attempt=part.attempt + 1)
         elif event.outcome is not Outcome.DONE:
-            self.steps.lose(part.robot, event.outcome, event.reason)
+            self.steps.losses.lose(part.robot, event.outcome, event.reason)
         self.steps.look()
 
     def _left(self, event: Left) -> None:
@@ -136,7 +159,7 @@ class Engine:
         member = self.robots.members.get(event.robot)
         if member is None or not member.ours:
             return
-        self.steps.lose(event.robot, event.outcome, event.reason)
+        self.steps.losses.lose(event.robot, event.outcome, event.reason)
         self.ending.look(self._now)
         self.steps.look()
 
@@ -147,17 +170,13 @@ class Engine:
                 self.robots.lose(robot, Outcome.STOPPED, event.reason, self._now)
         self.ending.stopped(event.reason, self._now)
 
-    def _abort(self, event: Abort) -> None:
-        """End the run because a person wants it."""
-        self.ending.abort(f"aborted by {event.by or 'somebody'}", self._now)
-
     def _pause(self, event: Pause) -> None:
         """Let robots hold, and note where they are left."""
         head = self.head
         if head.phase not in (Phase.STEP, Phase.WAITING, Phase.ASKING):
             return
         head.paused_from, head.paused_at, head.phase = head.phase, self._now, Phase.PAUSED
-        self.robots.note(f"paused by {event.by or 'somebody'}", step=self.steps.name)
+        self.robots.note(f"{event.by or 'Somebody'} paused the run", step=self.steps.name)
         for member in self.robots.within():
             member.paused_at = self.seen.position(member.robot)
             self.robots.touched[f"member {member.robot}"] = member
@@ -177,7 +196,7 @@ class Engine:
         asking = head.question is not None and head.question.about != "resume"
         trouble = "" if confirmed or asking else self._change()
         if trouble:
-            self.steps.ask(f"{trouble}. Go on all the same?", "resume")
+            self.steps.losses.ask(f"{trouble}. Go on all the same?", "resume")
             return
         head.phase, paused = head.paused_from, self._now - head.paused_at
         head.until += paused
@@ -185,16 +204,15 @@ class Engine:
         for part in self.robots.active():
             part.until += paused
             self.robots.touched[part.identity] = part
-        self.robots.note(f"resumed by {event.by or 'somebody'}", step=self.steps.name)
+        self.robots.note(f"{event.by or 'Somebody'} let the run go on", step=self.steps.name)
         self._hold(resumes=True)
-        if head.phase in (Phase.NEW, Phase.PREPARING):
-            self.steps.go_on()
+        self._go_on_between()
         self.steps.look()
 
     def _change(self) -> str:
         """Return what has changed since the pause; empty when nothing has."""
         for member in self.robots.within():
-            trouble = self.seen.lacks(member.robot, self.program.require)
+            trouble = self.seen.lacks(member.robot, required(self.program, self.head))
             trouble = trouble or self.seen.moved(member.robot, member.paused_at)
             if trouble:
                 return f"{member.robot}: {trouble}"
@@ -206,7 +224,7 @@ class Engine:
         if question is None or question.id != event.question or not self._decidable(question):
             return
         what = "continue" if event.goes_on else "abort"
-        self.robots.note(f"answered by {event.by or 'somebody'}: {what}", step=self.steps.name)
+        self.robots.note(f"{event.by or 'Somebody'} answered: {what}", step=self.steps.name)
         self._decide(question, what, event.by)
 
     def _decidable(self, question: Question) -> bool:
@@ -219,7 +237,8 @@ class Engine:
         if what == "abort":
             self.ending.abort(f"{question.text} abort" + (f" by {by}" if by else ""), self._now)
         elif what == "fail":
-            self.ending.fail(f"{question.text} no answer", self._now)
+            self.steps.losses.fail(f"{question.text} no answer")
+            self.steps.look()
         elif question.about == "resume":
             self._resume(Resume(by), confirmed=True)
         elif question.about == "robot":
@@ -234,7 +253,7 @@ class Engine:
             self.ending.fail(f"the deadline of {deadline:g} s is over", self._now)
         question = head.question
         if question is not None and self._now >= question.until and self._decidable(question):
-            self.robots.note(f"no answer: {question.on_timeout}", step=self.steps.name)
+            self.robots.note(f"Nobody answered in time: {question.on_timeout}", step=self.steps.name)
             self._decide(question, question.on_timeout, "")
         self._time_out()
         self.steps.time_passes()
@@ -251,7 +270,7 @@ class Engine:
             reason = f"not seen done within {part.act.timeout:g} s; seen: {self.seen.words(part.robot)}"
             self.robots.end(part, late, reason, self._now)
             if part.kind == "do" and self.head.phase in GOING_ON:
-                self.steps.lose(part.robot, Outcome.LATE, reason)
+                self.steps.losses.lose(part.robot, Outcome.LATE, reason)
             else:
                 self.ending.ended(part, self._now)
 
@@ -262,7 +281,7 @@ class Engine:
             seen = self.seen.words(part.robot)
             reason = f"the edge restarted meanwhile; seen: {seen}"
             self.robots.end(part, Outcome.UNKNOWN, reason, self._now)
-        self.robots.note("the edge restarted", step=self.steps.name)
+        self.robots.note("The edge restarted; what was under way is unknown", step=self.steps.name)
         if self.head.phase not in GOING_ON:
             self.ending.restarted(self._now)
             return
@@ -274,7 +293,7 @@ class Engine:
         elif within:
             self._ask_where_to_go_on()
         elif policy == "continue":
-            self._take_up()
+            self._go_on_between()
         elif self.head.question is None:
             self._pause_after_restart()
 
@@ -283,16 +302,20 @@ class Engine:
         for member in self.robots.ours():
             self.robots.halt(self.steps.name, member.robot, self._now)
         self.head.phase = Phase.ASKING
-        self.steps.ask(f"The edge restarted in step {self.steps.name}. Go on with the next step?", "restart")
+        self.steps.losses.ask(
+            f"The edge restarted in step {self.steps.name}. Go on with the next step?", "restart"
+        )
 
     def _pause_after_restart(self) -> None:
         """Ask whether to go on where it was: nothing was under way."""
         if self.head.phase is not Phase.PAUSED:
             self.head.paused_from, self.head.paused_at = self.head.phase, self._now
             self.head.phase = Phase.PAUSED
-        self.steps.ask(f"The edge restarted before step {self.steps.name} was over. Go on?", "resume")
+        self.steps.losses.ask(f"The edge restarted before step {self.steps.name} was over. Go on?", "resume")
 
-    def _take_up(self) -> None:
-        """Go on between two steps."""
-        if self.head.phase in (Phase.NEW, Phase.PREPARING):
+    def _go_on_between(self) -> None:
+        """Go on between two steps, or before the first."""
+        if self.head.phase is Phase.OCCUPYING:
+            self.robots.effects.append(Occupy())
+        elif self.head.phase in (Phase.NEW, Phase.FILLING, Phase.PREPARING):
             self.steps.go_on()

@@ -8,22 +8,33 @@ import msgspec
 
 from fleet.config.missions import Mission
 from fleet.errors import Refused
-from fleet.missions.program import Do, Program
+from fleet.missions.model import ALL, CountConfig, RoleConfig
+from fleet.missions.program import Do, Program, RoleNeed
 from fleet.missions.rehearsal import Point
 from fleet.missions.report import StartAsk
-from fleet.missions.roles import Candidate, filled, is_meant, runs_in_the_way
+from fleet.missions.roles import Candidate, filled, is_meant, runs_in_the_way, spare_of, spares
 from fleet.missions.run import Run
+from fleet.missions.state import Member
 
 Rehearsed = Callable[[Program, dict[str, list[str]] | None, dict[str, Point | None]], str]
 """Why a mission may not be started by what was rehearsed, by its robots by role and where robots are."""
 
 
 class Filling:
-    """Fills roles from the robots of an edge. ``runs``: those under way, and those that are beginning."""
+    """Fills roles from the robots of an edge. ``runs``: those under way, and those that are beginning.
 
-    def __init__(self, candidates: Callable[[], list[Candidate]], runs: Callable[[], Iterable[Run]]) -> None:
+    ``is_full`` says whether a place is taken up to its capacity.
+    """
+
+    def __init__(
+        self,
+        candidates: Callable[[], list[Candidate]],
+        runs: Callable[[], Iterable[Run]],
+        is_full: Callable[[str], bool],
+    ) -> None:
         self._candidates = candidates
         self._runs = runs
+        self._is_full = is_full
         self.rehearsed: Rehearsed = lambda *_: "rehearsals are not kept here"
 
     def fill(
@@ -34,10 +45,18 @@ class Filling:
         Also where it must be rehearsed and was not, unless this is for a rehearsal.
         """
         needs, free = needs_of(program), self._free(ask.run)
-        roles = filled(mission.config.roles, needs, free, program.require, ask.robots)
+        found = filled(mission.config.roles, needs, free, program.require, ask.robots)
+        taken = [robot for robots in found.values() for robot in robots]
+        found |= spares(mission.config.roles, needs, free, program.require, ask.robots, taken=taken)
+        for inner in program.inner.values():
+            carriers = roles_of(inner.carrier, found)
+            robots = {robot for role in carriers for robot in found[role]}
+            theirs = [each for each in free if each.name in robots]
+            wanted = {name: _config_of(need) for name, need in inner.roles.items()}
+            found |= filled(wanted, needs, theirs, inner.require, ask.robots)
         if not rehearses:
-            self._require_rehearsal(mission, program, ask, roles)
-        return roles
+            self._require_rehearsal(mission, program, ask, found)
+        return found
 
     def _require_rehearsal(
         self, mission: Mission, program: Program, ask: StartAsk, roles: dict[str, list[str]] | None
@@ -60,7 +79,7 @@ class Filling:
         found = runs_in_the_way(mission.config.roles, needs, free, program.require, ask.robots)
         for run in self._runs():
             places = set(program.occupies) & set(run.engine.program.occupies)
-            if places or run.about.mission == program.mission:
+            if any(map(self._is_full, places)) or run.about.mission == program.mission:
                 found.add(run.id)
         return sorted(found - {ask.run})
 
@@ -92,15 +111,62 @@ def rehearse_command(name: str, ask: StartAsk) -> str:
     return " ".join(words)
 
 
+def roles_of(role: str, roles: Iterable[str]) -> list[str]:
+    """Return the roles that a name stands for: itself, or with ``all`` those of its mission."""
+    scope, _, name = role.rpartition(".")
+    return (
+        [role]
+        if name != ALL
+        else [each for each in roles if each.rpartition(".")[0] == scope and " " not in each]
+    )
+
+
+def members_of(program: Program, roles: Mapping[str, Iterable[str]]) -> list[Member]:
+    """Return the robots of a run; ``roles`` are those of its mission and of the missions within it."""
+    plays: dict[str, dict[str, int]] = {}
+    for inner, mission in program.inner.items():
+        for role in mission.roles:
+            for at, robot in enumerate(roles[role]):
+                plays.setdefault(robot, {}).update({role: at, f"{inner}.{ALL}": at})
+    members = [
+        Member(robot, role, at, plays.get(robot, {}))
+        for role in program.quorum
+        for at, robot in enumerate(roles[role])
+    ]
+    waiting = [
+        Member(robot, role, 0, ours=False, within=False, spare=True)
+        for role in program.quorum
+        for robot in roles.get(spare_of(role), ())
+    ]
+    return members + waiting
+
+
+def _config_of(need: RoleNeed) -> RoleConfig:
+    """Return who fills a role of a mission within the mission."""
+    count = CountConfig(min=need.least, max=need.most)
+    return RoleConfig.model_validate(
+        {"from": need.source, "kind": need.kind, "can": need.can, "count": count}
+    )
+
+
 def needs_of(program: Program) -> dict[str, frozenset[str]]:
-    """Return what the steps ask of each role: commands by name, goto, path and plan."""
+    """Return what the steps ask of each role: commands by name, goto, path and plan.
+
+    A role that carries a mission with one role needs what that needs; of one with several roles, what its
+    robots are good for is seen when these are filled from them.
+    """
     needs: dict[str, set[str]] = {role: set() for role in program.quorum}
+    needs |= {role: set() for inner in program.inner.values() for role in inner.roles}
     for step in program.steps:
         if not isinstance(step, Do):
             continue
         for acts in (step.acts, step.undo):
             for role, each in acts.items():
                 words = {str(act.value) if act.verb == "command" else act.verb for act in each}
-                for name in needs if role == "all" else (role,):
+                for name in roles_of(role, needs):
                     needs[name] |= words
+    for inner in reversed(program.inner.values()):
+        if len(inner.roles) == 1:
+            for name in roles_of(inner.carrier, needs):
+                needs[name] |= needs[next(iter(inner.roles))]
     return {role: frozenset(words) for role, words in needs.items()}

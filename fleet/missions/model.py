@@ -1,18 +1,18 @@
 """The grammar of a mission, ``version: 1``: what fleet.yaml and mission files may say.
 
 Closed on purpose: no templates, no expressions, no embedded code, so that a mission can be checked with line
-and column, drawn, rehearsed, and read again after a crash. ``normalised`` brings short forms to their long
-form and puts values in the place of ``{input: NAME}`` before the models see the data.
+and column, drawn, rehearsed, and read again after a crash. ``short_forms.normalised`` brings short forms to
+their long form and puts values in the place of ``{input: NAME}`` before the models see the data.
 """
 
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
 from typing import Annotated, Any, Literal, Self
 
-from pydantic import BeforeValidator, ConfigDict, Field, model_validator
+from pydantic import BeforeValidator, ConfigDict, Field, WithJsonSchema, model_validator
 
+from fleet.missions.points import MOST_POINTS, is_point, point_trouble
 from fleet.robot_config import Name
 from fleet.yaml_model import Model, wrong
 
@@ -42,9 +42,43 @@ def _seconds(given: Any) -> Any:
     return float(match[1]) * _SECONDS[match[2]]
 
 
-Duration = Annotated[float, BeforeValidator(_seconds), Field(gt=0, le=LONGEST, allow_inf_nan=False)]
+Duration = Annotated[
+    float,
+    BeforeValidator(_seconds),
+    Field(gt=0, le=LONGEST, allow_inf_nan=False),
+    WithJsonSchema({"anyOf": [{"type": "number"}, {"type": "string", "pattern": f"^{_DURATION.pattern}$"}]}),
+]
 Percent = Annotated[float, Field(ge=0, le=100, allow_inf_nan=False)]
 Verb = Literal["command", "goto", "path", "plan", "mission"]
+
+
+def _goal(given: Any) -> Any:
+    """Refuse what is neither the name of a place nor a point."""
+    trouble = "" if isinstance(given, str | None) else point_trouble(given)
+    if trouble:
+        raise ValueError(trouble)
+    return given
+
+
+def _path(given: Any) -> Any:
+    """Refuse what is neither a file, a list of points, nor a list with one of these for each robot."""
+    if isinstance(given, str | None):
+        return given
+    if not isinstance(given, list) or not 1 <= len(given) <= MOST_POINTS:
+        raise ValueError(f"a path is a file, or a list of 1 to {MOST_POINTS} points")
+    whole = [each for each in given if not isinstance(each, str)]
+    points = whole if all(map(is_point, whole)) else [point for each in whole for point in _points(each)]
+    trouble = next((trouble for point in points if (trouble := point_trouble(point))), "")
+    if trouble or (points is whole and points and len(whole) < len(given)):
+        raise ValueError(trouble or "a list of paths has a file or a list of points for each robot")
+    return given
+
+
+def _points(given: Any) -> list[Any]:
+    """Return the points of one of several paths; raises ValueError."""
+    if not isinstance(given, list) or is_point(given):
+        raise ValueError("a list of paths has a file or a list of points for each robot")
+    return given
 
 
 class _Words(Model):
@@ -117,6 +151,13 @@ class RoleConfig(_Words):
     from_: Name | None = Field(None, alias="from", description="A group or a robot. Left out: any robot.")
     kind: Name | None = Field(None, description="Only robots of this adapter.")
     can: tuple[str, ...] = Field((), description="Commands that they must take; goto, path and plan too.")
+    spares: int = Field(
+        0,
+        ge=0,
+        le=1000,
+        description="How many more may take the place of a robot that is lost, between two steps. They stay "
+        "free for others until then. Only in the outermost mission.",
+    )
     count: CountConfig = Field(
         CountConfig(min=1, max=1), description="How many: a number, or {min: 2, max: 4}."
     )
@@ -171,17 +212,27 @@ class ActConfig(_Words):
     """What one role does in a step: exactly one of command, goto, path, plan, mission."""
 
     command: str | None = Field(None, min_length=1, max_length=64, description="A command of the robot.")
-    with_: dict[str, Any] = Field({}, alias="with", description="The command's data.")
-    goto: str | list[float] | None = Field(
-        None, description="A place by its name, or [x, y] or [x, y, z] in metres in the site's frame."
+    with_: dict[str, Any] = Field(
+        {}, alias="with", description="The data of a command, or the inputs of a mission."
     )
-    path: str | list[Any] | None = Field(
-        None, description="Points [x, y] or [x, y, z] in metres in the site's frame."
+    goto: Annotated[str | list[float] | dict[str, float], BeforeValidator(_goal)] | None = Field(
+        None,
+        description="A place by its name, [x, y] or [x, y, z] in metres in the site's frame, or {lat, lon, "
+        "alt} in degrees and metres above the take-off point.",
+    )
+    path: Annotated[str | list[Any], BeforeValidator(_path)] | None = Field(
+        None,
+        description="A list of such points, or a file that has one: YAML, CSV or GeoJSON. A list of files: "
+        "one for each robot.",
     )
     plan: str | list[str] | dict[str, Any] | None = Field(
         None, description="A plan file (.plan, or JSON) that the autopilot flies from its memory."
     )
-    mission: Name | None = Field(None, description="Another mission, as one step.")
+    mission: Name | None = Field(
+        None,
+        description="Another mission of fleet.yaml, as one step: its roles are filled from the robots of "
+        "this role. When it fails, they have failed in this step.",
+    )
     speed: float | None = Field(None, gt=0, le=100, description="Limit on the way, m/s.")
     timeout: Duration | None = Field(None, description="Over that of the step; progress extends it.")
     retry: int = Field(0, ge=0, le=5, description="Tries after the first, where that can do no harm.")
@@ -196,8 +247,10 @@ class ActConfig(_Words):
         said = [verb for verb in VERBS if getattr(self, verb) is not None]
         if len(said) != 1:
             raise wrong(said[1] if said else "", f"needs exactly one of {', '.join(VERBS)}")
-        if self.with_ and self.command is None:
-            raise wrong("with", "is the data of a command, and there is none")
+        if self.with_ and said[0] not in {"command", "mission"}:
+            raise wrong("with", "is the data of a command or the inputs of a mission, and there is none")
+        if self.timeout is not None and said[0] == "mission":
+            raise wrong("timeout", "a mission has a deadline of its own, and its steps have timeouts")
         if self.speed is not None and said[0] not in REPEATABLE:
             raise wrong("speed", "is said of goto and path")
         if self.retry and said[0] not in REPEATABLE:
@@ -256,6 +309,22 @@ class StepConfig(_Words):
             raise wrong("do", "names no role")
         return self
 
+    @property
+    def mission(self) -> tuple[str, ActConfig] | None:
+        """The role that carries a mission in this step, and what it says of it."""
+        return next(((role, act) for role, act in (self.do or {}).items() if act.mission), None)
+
+    @model_validator(mode="after")
+    def _mission_alone(self) -> Self:
+        if self.mission is None:
+            return self
+        if len(self.do or {}) > 1:
+            raise wrong("do", "a mission is alone in its step: give the other roles steps of their own")
+        for key in ("start", "undo", "timeout", "finish"):
+            if key in self.model_fields_set:
+                raise wrong(key, "is said of the steps of the mission that this step carries out")
+        return self
+
 
 class MissionConfig(Model):
     """What a fleet shall do."""
@@ -265,7 +334,12 @@ class MissionConfig(Model):
     inputs: dict[Name, InputConfig] = Field({}, description="Values that are given at the start.")
     roles: dict[Name, RoleConfig] = Field(min_length=1, description="The parts, filled by robots.")
     require: RequireConfig = Field(RequireConfig(), description="What every robot must have.")
-    occupies: tuple[Name, ...] = Field((), description="Places that no other run may have meanwhile.")
+    occupies: tuple[Name, ...] = Field(
+        (), description="Places that it has until its end, each up to its capacity."
+    )
+    occupy_within: Duration = Field(
+        600.0, description="How long the run waits for these places before it begins; then it fails."
+    )
     quorum: dict[Name, int] = Field(
         {}, description="Robots that each role must keep. Left out: the least of its count."
     )
@@ -282,51 +356,3 @@ class MissionConfig(Model):
         description="After a restart of the edge. continue: only between steps; in one a person is asked.",
     )
     rehearse: Literal["required"] | None = Field(None, description="required: run refuses without a pass.")
-
-
-def normalised(mission: Any, values: Mapping[str, Any]) -> Any:
-    """Return a mission's data with short forms spelt out and ``values`` in the place of its inputs.
-
-    Total: what is malformed stays as it is, for the models to refuse. An input without a value stays too.
-    """
-    data = _filled(mission, values)
-    if not isinstance(data, dict):
-        return data
-    roles = data.get("roles")
-    if isinstance(roles, dict):
-        data["roles"] = {name: _counted(role) for name, role in roles.items()}
-    if isinstance(data.get("steps"), list):
-        data["steps"] = [_spelt_out(step) for step in data["steps"]]
-    return data
-
-
-def _filled(value: Any, values: Mapping[str, Any]) -> Any:
-    """Return data with values in the place of ``{input: NAME}``."""
-    if isinstance(value, dict):
-        if set(value) == {"input"} and isinstance(value["input"], str) and value["input"] in values:
-            return values[value["input"]]
-        return {key: _filled(each, values) for key, each in value.items()}
-    return [_filled(each, values) for each in value] if isinstance(value, list) else value
-
-
-def _counted(role: Any) -> Any:
-    """Return a role whose count is a number with it as bounds."""
-    if isinstance(role, dict) and isinstance(role.get("count"), int) and role["count"] is not True:
-        return {**role, "count": {"min": role["count"], "max": role["count"]}}
-    return role
-
-
-def _spelt_out(step: Any) -> Any:
-    """Return a step with ``eye: land`` as ``eye: {command: land}``, repeated steps too."""
-    if not isinstance(step, dict):
-        return step
-    long = dict(step)
-    for key in ("do", "undo"):
-        if isinstance(long.get(key), dict):
-            long[key] = {
-                role: {"command": act} if isinstance(act, str) else act for role, act in long[key].items()
-            }
-    repeat = long.get("repeat")
-    if isinstance(repeat, dict) and isinstance(repeat.get("steps"), list):
-        long["repeat"] = {**repeat, "steps": [_spelt_out(each) for each in repeat["steps"]]}
-    return long

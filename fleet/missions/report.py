@@ -9,6 +9,7 @@ import msgspec
 
 from fleet.config.missions import Mission
 from fleet.missions.engine import Engine
+from fleet.missions.grammar_words import role_words, step_words
 from fleet.missions.state import Head, Member, Part
 from fleet.missions.store import About
 
@@ -80,7 +81,8 @@ class AskedNow(msgspec.Struct, frozen=True, omit_defaults=True):
 class RunState(msgspec.Struct, frozen=True, omit_defaults=True):
     """One run, now. ``started`` is Unix seconds, ``seconds`` how long it has run.
 
-    ``by`` is who started it, ``way`` how he asked: a schedule is the edge's own (``mission``).
+    ``by`` is who started it, ``way`` how he asked: a schedule is the edge's own (``mission``). ``waits_for``
+    is the place that it waits for before it begins, and who has that.
     """
 
     run: str
@@ -98,6 +100,7 @@ class RunState(msgspec.Struct, frozen=True, omit_defaults=True):
     robots: tuple[RunRobot, ...] = ()
     problem: str = ""
     way: str = "bus"
+    waits_for: str = ""
 
 
 class MissionState(msgspec.Struct, frozen=True, omit_defaults=True):
@@ -137,6 +140,7 @@ def state_of(engine: Engine, about: About, edge: str, seconds: float, problem: s
         ),
         problem,
         about.way,
+        head.waits_for,
     )
 
 
@@ -161,6 +165,7 @@ def ended_state(about: About, head: Head, members: Iterable[Member], edge: str) 
 def _robot(member: Member, doing: str, parts: Iterable[Part]) -> RunRobot:
     """Return one robot of a run."""
     outcome = member.outcome.value if member.outcome else ""
+    doing = "spare" if member.spare else doing
     lane = tuple(f"{part.act.words} {part.outcome or '...'}" for part in parts)
     return RunRobot(member.robot, member.role, doing, member.within, outcome, member.reason, lane)
 
@@ -173,11 +178,8 @@ def mission_state(mission: Mission, edge: str) -> MissionState:
         edge,
         config.summary,
         {name: _words(each.type, each.unit, each.default) for name, each in config.inputs.items()},
-        {
-            name: f"{role.count.min} to {role.count.max} of {role.from_ or 'any'}"
-            for name, role in config.roles.items()
-        },
-        tuple(step.id for step in config.steps),
+        {name: role_words(role) for name, role in config.roles.items()},
+        tuple(map(step_words, config.steps)),
     )
 
 

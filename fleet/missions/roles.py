@@ -68,6 +68,37 @@ def filled(
     return found
 
 
+def spares(
+    roles: Mapping[str, RoleConfig],
+    needs: Mapping[str, frozenset[str]],
+    candidates: Iterable[Candidate],
+    require: Require,
+    given: Mapping[str, Sequence[str]],
+    *,
+    taken: Iterable[str],
+) -> dict[str, list[str]]:
+    """Return robots by the name of what they are spares for, those of ``taken`` left out.
+
+    ``given`` are those that a person has chosen. Fewer than a role asks for are no error.
+    """
+    everybody, used = sorted(candidates, key=_fullest), set(taken)
+    found: dict[str, list[str]] = {}
+    for role, wanted in roles.items():
+        if wanted.spares:
+            name, need = spare_of(role), needs.get(role, frozenset())
+            able = [
+                each.name for each in everybody if not _lacks(each, wanted, need, require, given.get(name))
+            ]
+            found[name] = [each for each in able if each not in used][: wanted.spares]
+            used |= set(found[name])
+    return found
+
+
+def spare_of(role: str) -> str:
+    """Return the name under which the spares of a role are shown and chosen."""
+    return f"spare {role}"
+
+
 def runs_in_the_way(
     roles: Mapping[str, RoleConfig],
     needs: Mapping[str, frozenset[str]],

@@ -7,27 +7,32 @@ from __future__ import annotations
 
 import contextlib
 import logging
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from functools import partial
 from typing import Any, Protocol
 
 from fleet.clock import Clock
 from fleet.errors import Refused
 from fleet.missions.engine import Engine
-from fleet.missions.messages import Places, message_of, payload_of
+from fleet.missions.messages import message_of, payload_of
+from fleet.missions.observed import Membership, facts_of, outcome_of
+from fleet.missions.points import SiteMap
 from fleet.missions.program import Act
 from fleet.missions.state import (
     Begin,
+    BeginTogether,
+    Dismiss,
     Effect,
     EmergencyStop,
     Ended,
+    Enlist,
+    Enlisted,
     Event,
-    Facts,
     Hold,
     Left,
     Note,
+    Occupy,
     Outcome,
-    Part,
     Prepare,
     Prepared,
     Replied,
@@ -35,14 +40,14 @@ from fleet.missions.state import (
     Tick,
 )
 from fleet.missions.store import About, Change, Store
-from fleet.model.command import Reply, ReplyStatus, Request, Transport, session_of
+from fleet.missions.together import Together, TogetherStep
+from fleet.model.command import Reply, Request, Transport, session_of
 from fleet.model.state import RobotState
 from fleet.wire.rules import Kind
 
 log = logging.getLogger(__name__)
 
 JOIN, LEAVE = "join_run", "leave_run"
-_LEFT = {"stopped": Outcome.STOPPED, "lost": Outcome.LOST, "taken": Outcome.TAKEN}
 
 
 class Robot(Protocol):
@@ -58,16 +63,13 @@ class Robot(Protocol):
     ) -> Request | None:
         """Read a message; what is returned takes it."""
 
-    def would_refuse(self, kind: Kind, payload: bytes, *, way: Transport) -> str:
-        """Return why a message would be refused now; empty when it would be taken. Nothing moves."""
-
 
 class Surroundings(Protocol):
     """What all runs of an edge share."""
 
     clock: Clock
     store: Store
-    places: Places
+    site: SiteMap
     robots: Mapping[str, Robot]
 
     def soon(self, call: Callable[[], None]) -> None:
@@ -76,8 +78,17 @@ class Surroundings(Protocol):
     def stop(self, robots: tuple[str, ...], why: str) -> None:
         """Set the emergency stop of robots."""
 
+    def together(self) -> Together:
+        """Return a new start of several robots."""
+
     def changed(self, run: Run) -> None:
         """Take note that a run's state has changed."""
+
+    def occupy(self, run: Run) -> None:
+        """Take the places of a run, or let it wait for them; tells it."""
+
+    def give_back(self, run: Run) -> None:
+        """Take back the places of a run."""
 
 
 class Run:
@@ -105,6 +116,14 @@ class Run:
         self._session = session_of(about.run)
         self._head = b""
         self._sent: set[str] = set()
+        self._membership = Membership(about.run, around.clock)
+        self._together = TogetherStep(
+            around.together,
+            Transport(about.way),
+            payload=self._payload,
+            take=self.take,
+            replied=self._replied,
+        )
 
     @property
     def id(self) -> str:
@@ -119,6 +138,7 @@ class Run:
     def take(self, event: Event, *, new: bool = False) -> None:
         """Take an event: record what it changes, then do what follows from it."""
         effects = self.engine.handle(event, self.now)
+        self._together.follow(self.engine.head.phase)
         touched = self.engine.changes()
         head = repr(self.engine.head).encode()
         if not (new or touched or effects or head != self._head):
@@ -144,18 +164,20 @@ class Run:
         """Look at the robots, and let time pass."""
         for member in self.engine.robots.ours():
             self._look(member.robot)
+        self.see([member.robot for member in self.engine.robots.spares("all")])
         self.take(Tick())
 
-    def see(self) -> None:
-        """Tell the engine what is seen of every robot."""
-        for robot in self.engine.robots.members:
-            self.take(_facts(self._around.robots[robot].state()))
+    def see(self, robots: Iterable[str]) -> None:
+        """Tell the engine what is seen of robots; of one that fleet.yaml has no more nothing is."""
+        for robot in robots:
+            if robot in self._around.robots:
+                self.take(facts_of(self._around.robots[robot].state()))
 
     def _look(self, robot: str) -> None:
         """Tell the engine what is seen of a robot, and whether it has left the run."""
         state = self._around.robots[robot].state()
-        self.take(_facts(state))
-        left = why_left(state, self.id)
+        self.take(facts_of(state))
+        left = self._membership.why_left(state)
         if left is not None:
             self.take(Left(robot, *left))
 
@@ -193,34 +215,48 @@ class Run:
         """Do what one effect says."""
         match effect:
             case Begin(part):
-                self._begin(part)
-            case Prepare(robot, act):
-                self.take(Prepared(robot, self._refusal(robot, act)))
+                self._command(part.robot, part.act, part.identity)
+            case Prepare(robot, act, identity):
+                self._command(robot, act, identity, prepares=True)
+            case BeginTogether(step, parts):
+                self._together.begin(step, parts)
             case Hold(part, resumes):
                 self._ask(part.robot, "navigate", {"command": "resume" if resumes else "pause"}, "")
             case EmergencyStop(robots, reason):
                 self._around.stop(robots, f"run {self.id}: {reason}")
+            case Enlist(robot):
+                self._enlist(robot)
+            case Dismiss(robot):
+                self.leave(robot)
+            case Occupy():
+                self._around.occupy(self)
             case Ended():
                 self._give_back()
+                self._around.give_back(self)
             case _:
                 pass
 
-    def _begin(self, part: Part) -> None:
-        """Command a robot, once, unless its part is over or it has left the run meanwhile."""
-        if part.identity in self._sent or not part.inflight:
+    def _command(self, robot: str, act: Act, identity: str, *, prepares: bool = False) -> None:
+        """Command a robot once, or prepare it, unless its part is over or it has left the run meanwhile."""
+        part = self.engine.robots.parts.get(identity)
+        if (identity in self._sent or part is None or not part.inflight) and not prepares:
             return
-        self._sent.add(part.identity)
-        state = self._around.robots[part.robot].state()
-        left = why_left(state, self.id)
+        self._sent.add(identity)
+        state = self._around.robots[robot].state()
+        left = self._membership.why_left(state)
         if left is not None:
-            self.take(Left(part.robot, *left))
+            self.take(Left(robot, *left))
             return
         try:
-            kind, message = message_of(part.act, part.identity, state, self._around.places)
+            kind, message = message_of(act, identity, state, self._around.site)
         except Refused as error:
-            self.take(Replied(part.identity, Outcome.REFUSED, error.reason))
+            refusal = Replied(identity, Outcome.REFUSED, error.reason)
+            self.take(Prepared(robot, error.reason) if prepares else refusal)
             return
-        self._ask(part.robot, kind, message, part.identity, partial(self._replied, part))
+        if prepares:
+            self._together.prepare(robot, kind, message, identity)
+        else:
+            self._ask(robot, kind, message, identity, partial(self._replied, identity))
 
     def _ask(
         self,
@@ -247,19 +283,10 @@ class Run:
         now = self._around.clock.time()
         return payload_of(message, session=self._session, source_type=self.about.source_type, now=now)
 
-    def _refusal(self, robot: str, act: Act) -> str:
-        """Return why a robot could not begin now."""
-        found = self._around.robots[robot]
-        try:
-            kind, message = message_of(act, f"{self.id}/prepare/{robot}", found.state(), self._around.places)
-        except Refused as error:
-            return error.reason
-        return found.would_refuse(kind, self._payload(message), way=Transport(self.about.way))
-
-    def _replied(self, part: Part, reply: Reply) -> None:
+    def _replied(self, identity: str, reply: Reply) -> None:
         """Take a robot's answer; what it has left the run for comes before it."""
-        outcome = outcome_of(reply)
-        if outcome is None:
+        outcome, part = outcome_of(reply), self.engine.robots.parts.get(identity)
+        if outcome is None or part is None:
             return
         if outcome is not Outcome.DONE and part.inflight:
             self._look(part.robot)
@@ -271,49 +298,41 @@ class Run:
         It is asked in the words of who started the run, so that one that was late, or asked before a stop,
         is refused by the robot itself.
         """
+
+        def answered(reply: Reply) -> None:
+            if reply.done:
+                self._membership.joined(robot)
+            answer(reply)
+
         message = {"command": JOIN, "data": {"run": self.id}}
         if self._stamp is None:
-            self._ask(robot, "command", message, "", answer)
+            self._ask(robot, "command", message, "", answered)
             return
         asker, source_type = self.about.by, self.about.source_type
         payload = payload_of(message, session=asker, source_type=source_type, now=self._stamp)
-        self._send(robot, "command", payload, answer)
+        self._send(robot, "command", payload, answered)
+
+    def _enlist(self, robot: str) -> None:
+        """Ask for a spare; one that fleet.yaml has no more is not asked."""
+        if robot not in self._around.robots:
+            self.take(Enlisted(robot, "fleet.yaml has it no more"))
+            return
+
+        def answered(reply: Reply) -> None:
+            if reply.ok and not reply.done:
+                return
+            if reply.ok and self.engine.over:  # it joins a run that has ended
+                self.leave(robot)
+            self.take(Enlisted(robot, "" if reply.ok else reply.reason or "it refused"))
+
+        self.join(robot, answered)
 
     def _give_back(self) -> None:
-        """Give all robots back."""
-        for robot in self.engine.robots.members:
-            self.leave(robot)
+        """Give all robots back, but those that were spares to the end."""
+        for member in self.engine.robots.members.values():
+            if member.robot in self._around.robots and not member.spare:
+                self.leave(member.robot)
 
     def leave(self, robot: str) -> None:
         """Give a robot back."""
         self._ask(robot, "command", {"command": LEAVE, "data": {"run": self.id}}, "")
-
-
-def why_left(state: RobotState, run: str) -> tuple[Outcome, str] | None:
-    """Return how and why a robot has left a run; None while it is in it."""
-    if state.emergency_stop:
-        return Outcome.STOPPED, state.stop_cause or "its emergency stop is set"
-    if not state.reachable:
-        return Outcome.LOST, state.cause or "it does not answer"
-    if state.run == run:
-        return None
-    word, _, reason = state.left_run.partition(": ")
-    return _LEFT.get(word, Outcome.LOST), reason or "its process began anew"
-
-
-def outcome_of(reply: Reply) -> Outcome | None:
-    """Return how a part ended by a robot's answer; None for a receipt, after which the end is to come."""
-    if reply.done:
-        return Outcome.DONE
-    if reply.done is None:
-        if reply.ok:
-            return None
-        return Outcome.UNKNOWN if reply.status is ReplyStatus.TIMEOUT else Outcome.REFUSED
-    return Outcome.LATE if reply.status is ReplyStatus.TIMEOUT else Outcome.FAILED
-
-
-def _facts(state: RobotState) -> Facts:
-    """Return what is seen of a robot; its place is in the site's frame, else in its own world."""
-    at = state.site or state.position
-    position = (at.x, at.y, at.z) if at is not None else None
-    return Facts(state.name, state.health, state.battery, position, state.activity)

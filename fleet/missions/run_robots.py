@@ -7,10 +7,11 @@ twice.
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
+from types import MappingProxyType
 
 from fleet.missions.program import Act
-from fleet.missions.state import Begin, Effect, Kind, Member, Note, Outcome, Part
+from fleet.missions.state import Begin, BeginTogether, Effect, Kind, Member, Note, Outcome, Part
 
 LANE = 6  # parts of a robot that people are shown, the newest
 HALT_WITHIN = 15.0  # s for a robot to be seen standing after it was told to
@@ -18,6 +19,19 @@ HALT = Act("command", "stop", timeout=HALT_WITHIN)
 """Ends motion; the robot holds where it is."""
 COMES_DOWN = frozenset({"land", "return_to_home", "sit_down"})
 """Commands that only make a robot safer: they are not broken off by a halt, as the host does not either."""
+_ENDS: Mapping[Outcome, str] = MappingProxyType(
+    {
+        Outcome.DONE: "has finished {}",
+        Outcome.REFUSED: "was refused {}",
+        Outcome.FAILED: "failed in {}",
+        Outcome.LATE: "did not finish {} in time",
+        Outcome.LOST: "was lost in {}",
+        Outcome.TAKEN: "was taken in {}",
+        Outcome.STOPPED: "was stopped in {}",
+        Outcome.SKIPPED: "was ended in {}",
+        Outcome.UNKNOWN: "ended {} in a way that nobody saw",
+    }
+)
 NOT_OURS = frozenset({Outcome.LOST, Outcome.TAKEN, Outcome.STOPPED})
 
 
@@ -45,7 +59,32 @@ class RunRobots:
     def within(self, roles: Iterable[str] | None = None) -> list[Member]:
         """Return the robots that still take part, of some roles or of all."""
         wanted = None if roles is None else set(roles)
-        return [each for each in self.members.values() if each.within and (not wanted or each.role in wanted)]
+        return [
+            each
+            for each in self.members.values()
+            if each.within and (not wanted or each.role in wanted or not wanted.isdisjoint(each.plays))
+        ]
+
+    def plays(self, robot: str, role: str) -> bool:
+        """Return whether a robot fills a role, also one of a mission within the mission."""
+        member = self.members[robot]
+        return role == member.role or role in member.plays
+
+    def act_of(self, member: Member, acts: Mapping[str, tuple[Act, ...]]) -> Act | None:
+        """Return what a robot does of what is said by role; None for nothing. A role comes before all."""
+        for role in (member.role, *member.plays, "all"):
+            if acts.get(role):
+                return acts[role][member.plays.get(role, member.index) % len(acts[role])]
+        return None
+
+    def acts_of(self, acts: Mapping[str, tuple[Act, ...]]) -> list[tuple[str, Act]]:
+        """Return what each robot that still takes part does of what is said by role."""
+        found = ((each.robot, self.act_of(each, acts)) for each in self.within())
+        return [(robot, act) for robot, act in found if act is not None]
+
+    def names(self, role: str) -> list[str]:
+        """Return the robots of a role, or of all, that still take part."""
+        return [each.robot for each in self.within(None if role == "all" else [role])]
 
     def ours(self) -> list[Member]:
         """Return the robots that may be commanded."""
@@ -58,6 +97,19 @@ class RunRobots:
     def parts_of(self, step: str) -> list[Part]:
         """Return what robots did, or do, for one begun step."""
         return [part for part in self.parts.values() if part.step == step and part.kind == "do"]
+
+    def identity(self, step: str, robot: str) -> str:
+        """Return the identity of what a robot first does for a step."""
+        return f"{self.run}/{step}/{robot}/1"
+
+    def begin_together(self, step: str, acts: Iterable[tuple[str, Act]], now: float) -> None:
+        """Begin parts of robots that are prepared, and that are ours, at one instant."""
+        before = len(self.effects)
+        for robot, act in acts:
+            self.begin(step, robot, act, "do", now)
+        begun = [each for each in self.effects[before:] if isinstance(each, Begin)]
+        self.effects = [each for each in self.effects if each not in begun]
+        self.effects.append(BeginTogether(step, tuple(each.part for each in begun)))
 
     def begin(self, step: str, robot: str, act: Act, kind: Kind, now: float, *, attempt: int = 1) -> None:
         """Begin a part of a robot that is ours; one that is not is left alone."""
@@ -80,7 +132,7 @@ class RunRobots:
         self.touched[identity] = part
         self.effects.append(Begin(part))
         if kind != "halt":
-            self.note(f"{act.words} begun", robot, step)
+            self.note(f"begins {act.words}", robot, step)
 
     def _enter(self, part: Part) -> None:
         """Add a part to its robot's lane; halts are no part of the mission."""
@@ -111,8 +163,8 @@ class RunRobots:
         self._active.pop(part.identity, None)
         self.touched[part.identity] = part
         if part.kind != "halt" or outcome is not Outcome.DONE:
-            words = "stop" if part.kind == "halt" else part.act.words
-            self.note(f"{words} {outcome}" + (f": {reason}" if reason else ""), part.robot, part.step)
+            words = "to stop" if part.kind == "halt" else part.act.words
+            self.note(_ENDS[outcome].format(words) + (f": {reason}" if reason else ""), part.robot, part.step)
 
     def lose(self, robot: str, outcome: Outcome, reason: str, now: float) -> bool:
         """Take a robot out of the run; return whether it was within.
@@ -124,7 +176,7 @@ class RunRobots:
         was_within = member.within
         if was_within:
             member.outcome, member.reason, member.since = outcome, reason, now
-        member.within = False
+        member.within = member.spare = False
         if outcome in NOT_OURS:
             member.ours = False
         self.touched[f"member {robot}"] = member
@@ -132,17 +184,21 @@ class RunRobots:
             if part.robot == robot and (part.kind == "do" or outcome in NOT_OURS):
                 self.end(part, outcome, reason, now)
         if was_within:
-            self.note(f"out of the run: {outcome}: {reason}", robot)
+            self.note(f"is out of the run, {outcome}: {reason}", robot)
         return was_within
 
-    def shortage(self, quorum: dict[str, int]) -> str:
+    def spares(self, role: str) -> list[Member]:
+        """Return the robots that may take the place of another one in a role."""
+        return [each for each in self.members.values() if each.spare and role in (each.role, "all")]
+
+    def shortage(self, quorum: dict[str, int], *, with_spares: bool = False) -> str:
         """Return which role has fewer robots than its quorum; empty when none has."""
         for role, least in quorum.items():
-            left = len(self.within([role]))
+            left = len(self.within([role])) + (len(self.spares(role)) if with_spares else 0)
             if left < least:
                 return f"role {role} has {left} of the {least} robots that it needs"
         return ""
 
     def lost_any(self) -> bool:
         """Return whether a robot did not come through to the end."""
-        return any(not each.within for each in self.members.values())
+        return any(not each.within and not each.spare for each in self.members.values())

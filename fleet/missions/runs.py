@@ -20,19 +20,19 @@ from fleet.clock import Clock
 from fleet.config.missions import Mission
 from fleet.errors import Refused
 from fleet.missions.engine import Engine
-from fleet.missions.filling import Filling, needs_of
-from fleet.missions.messages import Places
-from fleet.missions.program import Program
+from fleet.missions.filling import Filling, members_of, needs_of
+from fleet.missions.points import SiteMap
+from fleet.missions.program import Act, Do, Program
 from fleet.missions.report import ControlAsk, RunState, StartAsk, state_of
-from fleet.missions.roles import Candidate
+from fleet.missions.roles import Candidate, spare_of
 from fleet.missions.run import Robot, Run
+from fleet.missions.run_places import RunPlaces
 from fleet.missions.state import (
     Abort,
     Answer,
     Event,
     Heard,
     Left,
-    Member,
     Outcome,
     Pause,
     Restarted,
@@ -41,6 +41,7 @@ from fleet.missions.state import (
     StopAll,
 )
 from fleet.missions.store import About, Kept, Store
+from fleet.missions.together import Together
 from fleet.model.command import Origin, Reply, Transport
 
 log = logging.getLogger(__name__)
@@ -58,7 +59,10 @@ Began = Callable[[str, Mapping[str, Sequence[str]], str], None]
 
 
 class Runs:
-    """Every run of an edge. ``candidates`` tells what each robot can and is now."""
+    """Every run of an edge. ``candidates`` tells what each robot can and is now.
+
+    ``hindrance`` says why a robot must not do something, whenever that is; empty for nothing.
+    """
 
     def __init__(
         self,
@@ -67,24 +71,31 @@ class Runs:
         *,
         candidates: Callable[[], list[Candidate]],
         allowed: Allowed,
-        places: Places,
+        hindrance: Callable[[str, Act], str],
+        site: SiteMap,
         store: Store,
         clock: Clock,
         soon: Callable[[Callable[[], None]], None],
         stop: Callable[[tuple[str, ...], str], None],
+        together: Callable[[], Together],
         told: Callable[[RunState], None],
     ) -> None:
         self.edge = edge
         self.robots = robots
-        self.places = places
+        self.site = site
         self.store = store
         self.clock = clock
         self.soon = soon
         self.stop = stop
-        self.filling = Filling(candidates, self.all)
+        self.together = together
         self._allowed = allowed
+        self._hindrance = hindrance
         self._told = told
         self._runs: dict[str, Run] = {}
+        self._places = RunPlaces(site.places, self._runs.get, clock)
+        self.occupy = self._places.occupy
+        self.give_back = self._places.give_back
+        self.filling = Filling(candidates, self.all, self._places.is_full)
         self._pending: dict[str, _Pending] = {}
 
     # -- what the runs themselves ask ------------------------------------------------------------------
@@ -143,10 +154,12 @@ class Runs:
             began("", {}, self.store.problem or full)
             return
         try:
-            self._require_places(program)
+            self._places.require(program)
             roles = self.filling.fill(mission, program, ask)
             if not admitted:
                 self._require_authority(program, roles, Origin(way, ask.source_type, ask.session_id))
+            engine = Engine(run, program, members_of(program, roles))
+            self._require_ways(engine)
         except Refused as error:
             began("", {}, str(error))
             return
@@ -161,8 +174,7 @@ class Runs:
             dict(ask.inputs),
             workflow,
         )
-        members = [Member(robot, role, at) for role, names in roles.items() for at, robot in enumerate(names)]
-        made = Run(about, Engine(run, program, members), self, stamp=ask.timestamp)
+        made = Run(about, engine, self, stamp=ask.timestamp)
         self._join(made, partial(self._joined, made, roles, began))
 
     def _require_authority(
@@ -171,18 +183,23 @@ class Runs:
         """Raise Refused unless every robot lets the asker do every step: a mission gives nobody rights."""
         needs = needs_of(program)
         for role, robots in roles.items():
-            leads = bool(needs.get(role, frozenset()) & {"goto", "path", "plan"})
+            need = needs.get(role.removeprefix(spare_of("")), frozenset())
+            leads = bool(need & {"goto", "path", "plan"})
             for robot in robots:
                 refusal = self._allowed(robot, origin, True, leads)
                 if refusal:
                     raise Refused(f"{robot}: {refusal}")
 
-    def _require_places(self, program: Program) -> None:
-        """Raise Refused while another run occupies a place that a mission wants."""
-        for other in self._runs.values():
-            both = set(program.occupies) & set(other.engine.program.occupies)
-            if both:
-                raise Refused(f"run {other.id} of {other.about.mission} occupies {', '.join(sorted(both))}")
+    def _require_ways(self, engine: Engine) -> None:
+        """Raise Refused for a step that leads a robot where it must not go, before anything moves."""
+        robots = engine.robots
+        for step in engine.program.steps:
+            acts = step.acts if isinstance(step, Do) else {}
+            for member in robots.members.values():
+                act = robots.act_of(member, acts)
+                trouble = self._hindrance(member.robot, act) if act is not None else ""
+                if trouble:
+                    raise Refused(f"{member.robot}: step {step.id}: {trouble}")
 
     def _join(self, run: Run, done: Callable[[dict[str, str]], None]) -> None:
         """Have every robot of a run that is ours join it; ``done`` hears who did not, and why."""
@@ -217,10 +234,6 @@ class Runs:
     ) -> None:
         """Begin a run whose robots have joined it; else give back those that have."""
         refusal = "; ".join(f"{robot}: {why}" for robot, why in refused.items())
-        try:
-            self._require_places(run.engine.program)  # another run may have begun meanwhile
-        except Refused as error:
-            refusal = refusal or str(error)
         if refusal:
             for member in run.engine.robots.ours():
                 if member.robot not in refused:
@@ -228,7 +241,7 @@ class Runs:
             began("", roles, refusal)
             return
         self._runs[run.id] = run
-        run.see()
+        run.see(list(run.engine.robots.members))
         run.take(Start(), new=True)
         began(run.id, roles, "")
 
@@ -238,6 +251,7 @@ class Runs:
         """Look at all runs; again and again, on the loop."""
         for run in list(self._pending):
             self._look_at(run)
+        self._places.turn()
         for each in list(self._runs.values()):
             try:
                 each.turn()
@@ -283,7 +297,9 @@ class Runs:
 
     def take_up(self) -> None:
         """Take up the runs that an earlier process did not see to their end; their robots may be away yet."""
-        for kept in self.store.unfinished():
+        found = self.store.unfinished()
+        self._places.take_up(found)
+        for kept in found:
             self._take_up(kept, self.clock.monotonic() + BACK_WITHIN)
 
     def _take_up(self, kept: Kept, until: float) -> None:
@@ -305,7 +321,7 @@ class Runs:
     def _back(self, run: Run, refused: Mapping[str, str]) -> None:
         """Go on with a run of an earlier process, without those that are gone."""
         self._runs[run.id] = run
-        run.see()
+        run.see(list(run.engine.robots.members))
         for robot, why in refused.items():
             run.take(Left(robot, Outcome.LOST, why))
         run.take(Restarted())

@@ -13,7 +13,7 @@ from typing import Literal
 
 import msgspec
 
-from fleet.missions.program import Act, Program
+from fleet.missions.program import Act, Do, Instruction, Program, Require
 
 
 class Outcome(enum.StrEnum):
@@ -46,6 +46,8 @@ class Phase(enum.StrEnum):
     """Where a run is in its life."""
 
     NEW = "new"  # recorded, nothing begun
+    FILLING = "filling"  # a spare is asked to take the place of a robot that is lost
+    OCCUPYING = "occupying"  # it waits for its places; nothing is begun
     PREPARING = "preparing"  # robots are asked whether they could; nobody moves
     STEP = "step"  # robots do something
     WAITING = "waiting"  # a time or a condition
@@ -60,6 +62,8 @@ class Phase(enum.StrEnum):
 NEXT: Mapping[Phase, frozenset[Phase]] = MappingProxyType(
     {
         Phase.NEW: frozenset(Phase) - {Phase.NEW},
+        Phase.FILLING: frozenset(Phase) - {Phase.NEW},
+        Phase.OCCUPYING: frozenset(Phase) - {Phase.NEW},
         Phase.PREPARING: frozenset(Phase) - {Phase.NEW},
         Phase.STEP: frozenset(Phase) - {Phase.NEW},
         Phase.WAITING: frozenset(Phase) - {Phase.NEW},
@@ -73,7 +77,18 @@ NEXT: Mapping[Phase, frozenset[Phase]] = MappingProxyType(
 )
 """What may follow each phase: from the ending nothing leads back, and nothing follows the end."""
 
-GOING_ON = frozenset({Phase.NEW, Phase.PREPARING, Phase.STEP, Phase.WAITING, Phase.ASKING, Phase.PAUSED})
+GOING_ON = frozenset(
+    {
+        Phase.NEW,
+        Phase.OCCUPYING,
+        Phase.FILLING,
+        Phase.PREPARING,
+        Phase.STEP,
+        Phase.WAITING,
+        Phase.ASKING,
+        Phase.PAUSED,
+    }
+)
 """The phases in which the mission itself is still carried out."""
 
 Kind = Literal["do", "halt", "secure", "undo", "abort"]
@@ -83,18 +98,23 @@ class Member(msgspec.Struct):
     """One robot of a run. ``ours``: the run may command it. ``within``: it still takes part.
 
     A robot that failed is no longer within, but ours: it is held, and undone. One that was taken, stopped or
-    lost is not ours, and is never commanded again.
+    lost is not ours, and is never commanded again. ``index`` is its place among the robots of its role,
+    ``plays`` that in each role of a mission within the mission, the role before ``all``. A ``spare`` is
+    neither ours nor within until it takes the place of another, which is ``replaced`` then.
     """
 
     robot: str
     role: str
     index: int
+    plays: dict[str, int] = {}
     ours: bool = True
     within: bool = True
     outcome: Outcome | None = None
     reason: str = ""
     since: float = 0.0
     paused_at: tuple[float, float, float] | None = None
+    spare: bool = False
+    replaced: bool = False
 
 
 class Part(msgspec.Struct):
@@ -137,13 +157,19 @@ class Begun(msgspec.Struct, frozen=True):
 
 
 class Head(msgspec.Struct):
-    """Where a run is. ``at`` is the index of its instruction, ``loops`` counts rounds by index."""
+    """Where a run is. ``at`` is the index of its instruction, ``loops`` counts rounds by index.
+
+    ``entered`` has, by index, when each mission within it began that is under way.
+    """
 
     phase: Phase = Phase.NEW
     at: int = 0
     serial: int = 0  # of the step that is under way: a step that is repeated begins anew
     loops: dict[str, int] = {}
+    entered: dict[str, float] = {}
     until: float = 0.0  # of a wait
+    enlists: str = ""  # the spare that is asked
+    waits_for: str = ""  # the place that it waits for, and who has it
     question: Question | None = None
     questions: int = 0
     paused_from: Phase = Phase.NEW
@@ -152,6 +178,17 @@ class Head(msgspec.Struct):
     target: RunOutcome | None = None  # how it ends once its robots are held
     outcome: RunOutcome | None = None
     reason: str = ""
+
+
+def instruction_of(program: Program, head: Head) -> Instruction | None:
+    """Return the instruction that is under way; None behind the last."""
+    return program.steps[head.at] if head.at < len(program.steps) else None
+
+
+def required(program: Program, head: Head) -> Require:
+    """Return what the step that is under way requires of its robots."""
+    step = instruction_of(program, head)
+    return (isinstance(step, Do) and step.require) or program.require
 
 
 def step_name(program: Program, head: Head) -> str:
@@ -189,6 +226,27 @@ class Prepared(msgspec.Struct, frozen=True):
 
     robot: str
     refusal: str = ""
+
+
+class NotStarted(msgspec.Struct, frozen=True):
+    """The robots of a step that were to begin together do not: nobody has moved."""
+
+    step: str
+    reason: str
+
+
+class Enlisted(msgspec.Struct, frozen=True):
+    """Whether a spare has joined the run; ``refusal`` is empty when it has."""
+
+    robot: str
+    refusal: str = ""
+
+
+class Occupied(msgspec.Struct, frozen=True):
+    """Its places are its own; or which it waits for (``waits_for``), or why it gets none (``late``)."""
+
+    waits_for: str = ""
+    late: str = ""
 
 
 class Facts(msgspec.Struct, frozen=True):
@@ -255,6 +313,9 @@ Event = (
     | Tick
     | Replied
     | Prepared
+    | Occupied
+    | Enlisted
+    | NotStarted
     | Facts
     | Heard
     | Left
@@ -275,11 +336,35 @@ class Begin(msgspec.Struct, frozen=True):
     part: Part
 
 
+class Enlist(msgspec.Struct, frozen=True):
+    """Ask a spare to join the run."""
+
+    robot: str
+
+
+class Dismiss(msgspec.Struct, frozen=True):
+    """Give back a spare that has joined when it was not needed any more."""
+
+    robot: str
+
+
+class Occupy(msgspec.Struct, frozen=True):
+    """Take the places of the run, or wait for them."""
+
+
 class Prepare(msgspec.Struct, frozen=True):
-    """Find out whether a robot could do something now; it must not move."""
+    """Let a robot be ready to begin something at the common instant; it must not move before."""
 
     robot: str
     act: Act
+    identity: str
+
+
+class BeginTogether(msgspec.Struct, frozen=True):
+    """Let robots that are prepared begin at one instant, once their parts are recorded."""
+
+    step: str
+    parts: tuple[Part, ...]
 
 
 class Hold(msgspec.Struct, frozen=True):
@@ -311,4 +396,4 @@ class Ended(msgspec.Struct, frozen=True):
     reason: str
 
 
-Effect = Begin | Prepare | Hold | EmergencyStop | Note | Ended
+Effect = Begin | BeginTogether | Occupy | Enlist | Dismiss | Prepare | Hold | EmergencyStop | Note | Ended

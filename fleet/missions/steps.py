@@ -3,32 +3,48 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from typing import Literal
 
 from fleet.missions.ending import Ending
 from fleet.missions.facts import Seen
-from fleet.missions.program import Act, Again, Ask, Do, Instruction, Loop, Program, Wait, WaitFor
+from fleet.missions.inner import InnerMissions
+from fleet.missions.losses import Losses, put
+from fleet.missions.program import (
+    Again,
+    Ask,
+    Do,
+    Enter,
+    Leave,
+    Loop,
+    Program,
+    Wait,
+    WaitFor,
+)
 from fleet.missions.run_robots import RunRobots
+from fleet.missions.spares import ENLISTED_WITHIN, Spares
 from fleet.missions.state import (
     GOING_ON,
     Begun,
+    Enlisted,
     Head,
+    NotStarted,
+    Occupy,
     Outcome,
     Part,
     Phase,
     Prepare,
-    Question,
     RunOutcome,
+    instruction_of,
+    required,
     step_name,
 )
 
-PREPARED_WITHIN = 10.0  # s for all robots to say whether they could
-ANSWERED_WITHIN = 600.0  # s for questions that the engine itself asks
+TOLD_WITHIN = 5.0  # s after its time in which a run is told that its places were not free
+PREPARED_WITHIN = 15.0  # s for all robots to say whether they could
 BOUND = 10_000  # instructions without waiting, after which a run is taken for a mistake
 
 
 class Steps:
-    """The steps of one run; ``now`` is the time of the event that is being handled."""
+    """The steps of one run; ``losses.now`` is the time of the event that is being handled."""
 
     def __init__(self, program: Program, head: Head, robots: RunRobots, seen: Seen, ending: Ending) -> None:
         self.program = program
@@ -36,7 +52,9 @@ class Steps:
         self.robots = robots
         self.seen = seen
         self.ending = ending
-        self.now = 0.0
+        self.inner = InnerMissions(program, head, robots)
+        self.spares = Spares(program, head, robots, seen)
+        self.losses = Losses(program, head, robots, self.inner, ending=ending, look=self.look)
         self._since = 0.0
         self._unprepared: set[str] = set()
         self._begin: Mapping[type, Callable[..., bool]] = {
@@ -46,16 +64,14 @@ class Steps:
             Ask: self._ask_step,
             Loop: self._loop,
             Again: self._again,
+            Enter: self._enter,
+            Leave: self._leave,
         }
 
     @property
     def name(self) -> str:
         """The step that is under way, as parts name it."""
         return step_name(self.program, self.head)
-
-    def instruction(self) -> Instruction | None:
-        """Return the instruction that is under way; None behind the last."""
-        return self.program.steps[self.head.at] if self.head.at < len(self.program.steps) else None
 
     def next(self) -> None:
         """Go to the next instruction."""
@@ -65,24 +81,48 @@ class Steps:
     def go_on(self) -> None:
         """Carry out instructions until one has to be waited for."""
         for _ in range(BOUND):
-            step = self.instruction()
+            step = instruction_of(self.program, self.head)
+            if isinstance(step, Do | None) and self._fills_up():
+                return
             if step is None:
                 lost = self.robots.lost_any()
                 self.ending.close(RunOutcome.WITH_LOSSES if lost else RunOutcome.COMPLETED, "")
                 return
             self.head.serial += 1
             if step.only_if is not None and not self.seen.holds(
-                step.only_if, self._of(step.only_if.role), 0.0
+                step.only_if, self.robots.names(step.only_if.role), 0.0
             ):
-                self.robots.note("skipped", step=self.name)
-                self.head.at = step.end if isinstance(step, Loop) else self.head.at + 1
+                self.robots.note("The step is skipped: its condition does not hold", step=self.name)
+                self.head.at = step.end if isinstance(step, Loop | Enter) else self.head.at + 1
             elif self._begin[type(step)](step):
                 return
-        self.ending.fail("its steps lead nowhere", self.now)
+        self.ending.fail("its steps lead nowhere", self.losses.now)
+
+    def _fills_up(self) -> bool:
+        """Let spares take the places of robots that are lost; return whether the run waits for one, or ends.
+
+        With nobody left to ask, the robots that there are must be enough.
+        """
+        if instruction_of(self.program, self.head) is not None and self.spares.enlist(self.losses.now):
+            return True
+        shortage = self.robots.shortage(self.program.quorum)
+        if shortage:
+            self.ending.fail(shortage, self.losses.now)
+        return bool(shortage)
+
+    def enlisted(self, event: Enlisted) -> None:
+        """Take the answer of a spare, and go on."""
+        if self.spares.take(event, self.losses.now):
+            self.go_on()
+
+    def occupy(self) -> None:
+        """Take the places of the mission before anything begins, or wait for them."""
+        self.head.phase, self.head.until = Phase.OCCUPYING, self.losses.now + self.program.occupy_within
+        self.robots.effects.append(Occupy())
 
     def again(self) -> None:
         """Go on with a step that a question held up: begin it, or see whether it is over."""
-        step = self.instruction()
+        step = instruction_of(self.program, self.head)
         if isinstance(step, Do) and not self.robots.parts_of(self.name):
             self._do(step)
         else:
@@ -94,76 +134,70 @@ class Steps:
         if self.head.phase is not Phase.PREPARING or robot not in self._unprepared:
             return
         if refusal:
-            self.ending.fail(f"step {self.name}: {robot} cannot: {refusal}; nobody moved", self.now)
+            self.losses.fail(f"step {self.name}: {robot} cannot: {refusal}; nobody moved")
             return
         self._unprepared.discard(robot)
-        step = self.instruction()
+        step = instruction_of(self.program, self.head)
         if not self._unprepared and isinstance(step, Do):
             self._begin_all(step)
 
+    def not_started(self, event: NotStarted) -> None:
+        """End a step whose robots were to begin together, and did not."""
+        step = instruction_of(self.program, self.head)
+        if event.step != self.name or not isinstance(step, Do) or self.head.phase not in GOING_ON:
+            return
+        for part in self.robots.parts_of(self.name):
+            self.robots.end(part, Outcome.SKIPPED, "nobody was started", self.losses.now)
+        self.head.begun.pop()
+        self.losses.fail(f"step {self.name}: {event.reason}; nobody moved")
+
     def time_passes(self) -> None:
         """End a wait whose time is over, or whose condition holds; and a preparation that takes too long."""
-        late = self.now >= self.head.until
+        self.losses.time_passes()
+        late = self.losses.now >= self.head.until
+        if self.head.phase is Phase.FILLING and late:
+            self.enlisted(Enlisted(self.head.enlists, f"it did not join within {ENLISTED_WITHIN:g} s"))
+        if self.head.phase is Phase.OCCUPYING and self.losses.now >= self.head.until + TOLD_WITHIN:
+            self.losses.fail("nobody said whether its places are free")
         if self.head.phase is Phase.PREPARING and late:
             missing = ", ".join(sorted(self._unprepared))
-            self.ending.fail(
-                f"step {self.name}: {missing} did not say whether it can; nobody moved", self.now
-            )
+            self.losses.fail(f"step {self.name}: {missing} did not say whether it can; nobody moved")
         if self.head.phase is not Phase.WAITING:
             return
-        step = self.instruction()
+        step = instruction_of(self.program, self.head)
         waits_for = step if isinstance(step, WaitFor) else None
         if waits_for is not None:
             condition = waits_for.condition
-            if self.seen.holds(condition, self._of(condition.role), self._since):
+            if self.seen.holds(condition, self.robots.names(condition.role), self._since):
                 self.next()
                 return
         if late and waits_for is not None and waits_for.fails:
-            self.ending.fail(f"step {self.name}: what it waited for did not come", self.now)
+            self.losses.fail(f"step {self.name}: what it waited for did not come")
         elif late:
             self.next()
 
-    def ask(self, text: str, about: Literal["step", "robot", "restart", "resume"]) -> None:
-        """Put a question of the engine's own; without an answer the run is aborted."""
-        self._put(text, about, "abort", ANSWERED_WITHIN)
-
-    def lose(self, robot: str, outcome: Outcome, reason: str) -> None:
-        """Take a robot out of the run, make it safe, and see whether the run can go on."""
-        if not self.robots.lose(robot, outcome, reason, self.now) or self.head.phase not in GOING_ON:
-            return
-        step = self.instruction()
-        doing = step if isinstance(step, Do) else None
-        if doing is None or doing.failed_do == "hold":
-            self.robots.halt(self.name, robot, self.now)
-        else:
-            self.robots.begin(self.name, robot, Act("command", doing.failed_do), "secure", self.now)
-        then = doing.failed_then if doing is not None else "continue"
-        shortage = self.robots.shortage(self.program.quorum)
-        why = f"{robot}: {outcome}: {reason}"
-        if shortage or then == "fail":
-            self.ending.fail(f"{why}; {shortage}" if shortage else why, self.now)
-        elif then == "wait" and self.head.phase is Phase.STEP:
-            self.head.phase = Phase.ASKING
-            self.ask(f"{why}. Go on without it?", "robot")
-
     def look(self) -> None:
         """See whether the step that robots carry out is over."""
-        step = self.instruction()
-        if self.head.phase is not Phase.STEP or not isinstance(step, Do):
+        step = instruction_of(self.program, self.head)
+        if self.head.phase is not Phase.STEP or not isinstance(step, Do | Leave):
+            return
+        if isinstance(step, Leave):  # of a mission within that failed: its robots are made safe first
+            if not self.robots.active("halt", "secure"):
+                self.next()
             return
         parts = self.robots.parts_of(self.name)
         active = [part for part in parts if part.inflight]
-        through = _is_through(step, parts)
+        through = _is_through(step, parts, self.robots)
         for part in active if through else ():
             if not self.robots.comes_down(part.robot):
-                self.robots.end(part, Outcome.SKIPPED, "ended with the step", self.now)
-                self.robots.halt(self.name, part.robot, self.now)
+                self.robots.end(part, Outcome.SKIPPED, "ended with the step", self.losses.now)
+                self.robots.halt(self.name, part.robot, self.losses.now)
         if any(part.inflight for part in active) or self.robots.active("halt", "secure"):
             return
         if through or not parts or step.finish == "all":
             self.next()
         else:
-            self.ending.fail(f"step {self.name}: nobody that it depends on was through", self.now)
+            self.losses.fail(f"step {self.name}: nobody that it depends on was through")
 
     # -- the kinds of instructions: each returns whether it has to be waited for -----------------------
 
@@ -171,7 +205,7 @@ class Steps:
         """Begin a repeat, or another round of it."""
         key = str(self.head.at)
         rounds = self.head.loops.get(key, 0)
-        over = step.until is not None and self.seen.holds(step.until, self._of(step.until.role), 0.0)
+        over = step.until is not None and self.seen.holds(step.until, self.robots.names(step.until.role), 0.0)
         if over or rounds >= step.times:
             self.head.loops.pop(key, None)
             self.head.at = step.end
@@ -188,73 +222,76 @@ class Steps:
     def _wait(self, step: Wait | WaitFor) -> bool:
         """Begin to wait."""
         seconds = step.seconds if isinstance(step, Wait) else step.timeout
-        self.head.phase, self.head.until, self._since = Phase.WAITING, self.now + seconds, self.now
-        self.robots.note(f"waits, {seconds:g} s at the most", step=self.name)
+        self.head.phase, self.head.until, self._since = (
+            Phase.WAITING,
+            self.losses.now + seconds,
+            self.losses.now,
+        )
+        self.robots.note(f"The run waits {seconds:g} s at the most", step=self.name)
         return True
 
     def _ask_step(self, step: Ask) -> bool:
         """Ask a person."""
         self.head.phase = Phase.ASKING
-        self._put(step.text, "step", step.on_timeout, step.timeout)
+        until, on_timeout = self.losses.now + step.timeout, step.on_timeout
+        put(self.head, self.robots, self.name, step.text, until=until, on_timeout=on_timeout)
         return True
-
-    def _put(
-        self,
-        text: str,
-        about: Literal["step", "robot", "restart", "resume"],
-        on_timeout: Literal["continue", "abort", "fail"],
-        timeout: float,
-    ) -> None:
-        """Put a question to a person."""
-        self.head.questions += 1
-        self.head.question = Question(self.head.questions, text, self.now + timeout, on_timeout, about)
-        self.robots.note(f"asks: {text}", step=self.name)
 
     def _do(self, step: Do) -> bool:
         """Begin a step that robots carry out, when all that must be so is so."""
         self.head.phase = Phase.STEP
-        for robot, _ in self._acts(step):
-            lacking = self.seen.lacks(robot, self.program.require)
+        for robot, _ in self.robots.acts_of(step.acts):
+            lacking = self.seen.lacks(robot, required(self.program, self.head))
             if lacking:
-                self.lose(robot, Outcome.REFUSED, lacking)
-            if self.head.phase is not Phase.STEP:
+                self.losses.lose(robot, Outcome.REFUSED, lacking)
+            if self.head.phase is not Phase.STEP or instruction_of(self.program, self.head) is not step:
                 return True
-        acts = self._acts(step)
+        acts = self.robots.acts_of(step.acts)
         if not step.together or not acts:
             self._begin_all(step)
             return True
-        self.head.phase, self.head.until = Phase.PREPARING, self.now + PREPARED_WITHIN
+        self.head.phase, self.head.until = Phase.PREPARING, self.losses.now + PREPARED_WITHIN
         self._unprepared = {robot for robot, _ in acts}
-        self.robots.effects += [Prepare(robot, act) for robot, act in acts]
+        self.robots.effects += [
+            Prepare(robot, act, self.robots.identity(self.name, robot)) for robot, act in acts
+        ]
         return True
 
     def _begin_all(self, step: Do) -> None:
         """Begin what each robot does."""
         self.head.phase = Phase.STEP
         self.head.begun.append(Begun(self.head.at, self.name))
-        for robot, act in self._acts(step):
-            self.robots.begin(self.name, robot, act, "do", self.now)
+        if step.together:
+            self.robots.begin_together(self.name, self.robots.acts_of(step.acts), self.losses.now)
+        for robot, act in () if step.together else self.robots.acts_of(step.acts):
+            self.robots.begin(self.name, robot, act, "do", self.losses.now)
         self.look()
 
-    def _acts(self, step: Do) -> list[tuple[str, Act]]:
-        """Return what each robot that still takes part does."""
-        return [
-            (each.robot, acts[each.index % len(acts)])
-            for each in self.robots.within()
-            if (acts := step.acts.get(each.role) or step.acts.get("all"))
-        ]
+    # -- missions within the mission -------------------------------------------------------------------
 
-    def _of(self, role: str) -> list[str]:
-        """Return the robots of a role that still take part."""
-        return [each.robot for each in self.robots.within(None if role == "all" else [role])]
+    def _enter(self, step: Enter) -> bool:
+        """Begin a mission within the mission, unless it has too few robots by now."""
+        self.inner.enter(step, self.losses.now)
+        self.head.at += 1
+        self.head.phase = Phase.STEP
+        shortage = self.robots.shortage(step.quorum)
+        if shortage:
+            self.losses.fail(shortage)
+        return bool(shortage)
+
+    def _leave(self, step: Leave) -> bool:
+        """End a mission within the mission that came to its end."""
+        self.inner.leave(step)
+        self.head.at += 1
+        return False
 
 
-def _is_through(step: Do, parts: list[Part]) -> bool:
+def _is_through(step: Do, parts: list[Part], robots: RunRobots) -> bool:
     """Return whether those that the step depends on are through, so that the others are ended."""
     if step.finish == "all":
         return False
     done = [part for part in parts if part.outcome is Outcome.DONE]
     if step.finish == "any":
         return bool(done)
-    waits = any(part.inflight for part in parts if part.role == step.finish)
-    return not waits and any(part.role == step.finish for part in done)
+    waits = any(part.inflight and robots.plays(part.robot, step.finish) for part in parts)
+    return not waits and any(robots.plays(part.robot, step.finish) for part in done)

@@ -102,6 +102,15 @@ class Occupancy:
         """Return when somebody's wait ends (monotonic s), None when nobody waits."""
         return min((claim.until for claim in self.claims if not claim.complete), default=None)
 
+    def claim_of(self, holder: str) -> Claim | None:
+        """Return what a holder has asked for; None for nothing."""
+        return next((claim for claim in self.claims if claim.holder == holder), None)
+
+    def is_full(self, place: str) -> bool:
+        """Return whether who asks now for a place would have to wait for it."""
+        wanted = (number for claim in self.claims for name, number in claim.wanted if name == place)
+        return sum(wanted) >= self._capacities.get(place, 0)
+
     def held(self, place: str) -> dict[str, int]:
         """Return who has a place, and how many of it."""
         return {

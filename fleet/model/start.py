@@ -7,6 +7,10 @@ from __future__ import annotations
 
 import msgspec
 
+from fleet.errors import Refused
+
+CLOCKS_WITHIN = 0.02  # s by which the clock of a process may be off, the error of measuring it counted
+PINGS = 8  # questions by which a clock is measured; the fastest counts
 AT_LEAST = 0.5  # s from the question to the instant: it has to reach everyone before
 FARTHEST = 600.0  # s to the instant at the most; what is to begin later is a schedule's
 
@@ -47,3 +51,15 @@ def offset_of(sent: float, told: float, received: float) -> Offset:
     The answer may have been given at any moment between the two, so half of that time is the bound.
     """
     return Offset(told - (sent + received) / 2, max(received - sent, 0.0) / 2)
+
+
+def check_clock(where: str, offset: Offset | None) -> None:
+    """Raise Refused for the clock of a process that is not ours, or that nobody could measure."""
+    if offset is None:
+        raise Refused(f"{where} does not tell its time: nobody is started")
+    if offset.worst > CLOCKS_WITHIN:
+        raise Refused(
+            f"the clock of {where} is {offset.seconds * 1000:+.0f} ms from ours (within "
+            f"{offset.bound * 1000:.0f} ms), {CLOCKS_WITHIN * 1000:.0f} ms are the most: nobody is started",
+            hint="synchronise the clocks, by NTP or PTP",
+        )

@@ -18,15 +18,17 @@ from fleet.host.edge.mission_robots import RobotHere, can, trouble
 from fleet.host.edge.rehearsal_task import RehearsalLine, RehearsalTask
 from fleet.host.requests.stop_cause import local_cause
 from fleet.missions.model import MissionConfig
+from fleet.missions.points import SiteMap
 from fleet.missions.program import Program, WaitFor
 from fleet.missions.rehearsal import RehearsalResult, RehearsedRobot
 from fleet.missions.report import ControlAsk, RunState, StartAsk
 from fleet.missions.roles import Candidate
 from fleet.missions.run import Run
 from fleet.missions.runs import Runs
-from fleet.missions.state import Facts, Outcome, Phase, RunOutcome
+from fleet.missions.state import Facts, Outcome, Phase, RunOutcome, instruction_of
 from fleet.model.command import Origin, Transport
 from fleet.model.state import RobotState
+from fleet.rehearsal.common_start import SimulatedStart
 from fleet.rehearsal.recording import MOVES, Distances, NotedChanges
 from fleet.rehearsal.simulated_robots import SimulatedRobots, players_of
 from fleet.runtime.simulated_time import JumpingLoop, LoopClock
@@ -69,7 +71,9 @@ class Rehearsal:
             {name: RobotHere(robot) for name, robot in self._robots.robots.items()},
             candidates=self._candidates,
             allowed=self._refusal,
-            places={name: place.at for name, place in task.places.items() if place.frame == "site"},
+            site=SiteMap(task.places, task.site),
+            hindrance=lambda *_: "",  # its robots refuse it themselves, and the result says so
+            together=lambda: SimulatedStart(self._robots.robots, self._soon),
             store=self._store,
             clock=self._clock,
             soon=self._soon,
@@ -198,7 +202,7 @@ class Rehearsal:
 
     def _note_wait(self, run: Run) -> None:
         """Note a wait whose time runs out: what it waited for is taken for granted."""
-        step, head = run.engine.steps.instruction(), run.engine.head
+        step, head = instruction_of(run.engine.program, run.engine.head), run.engine.head
         if head.phase is Phase.WAITING and isinstance(step, WaitFor) and run.now >= head.until:
             self._assumed.append(f"what step {step.id} waits for comes, or its time runs out")
 

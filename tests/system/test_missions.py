@@ -172,7 +172,7 @@ def test_an_emergency_stop_of_all_ends_the_run_and_nothing_is_undone(yard):
     state = ended(yard, run)
     assert state["outcome"] == "aborted"
     assert {each["outcome"] for each in state["robots"]} == {"stopped"}
-    assert not any("land begun" in line["text"] for line in told(yard, run))
+    assert not any("begins land" in line["text"] for line in told(yard, run))
 
 
 @pytest.mark.timeout(300)
@@ -204,7 +204,9 @@ def test_a_run_ends_truly_whenever_the_edge_is_killed_and_begins_nothing_twice(y
         state = ended(yard, run, answers=True)
         assert state["outcome"] in TERMINAL, (SEED, kill, state)
         begun = [
-            (line["step"], line["robot"], line["text"]) for line in told(yard, run) if "begun" in line["text"]
+            (line["step"], line["robot"], line["text"])
+            for line in told(yard, run)
+            if "begins" in line["text"]
         ]
         assert len(begun) == len(set(begun)), (SEED, kill, begun)
         if before is not None and not before.get("outcome") and policy == "fail":

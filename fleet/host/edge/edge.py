@@ -144,7 +144,7 @@ class Edge:
         )
         self._expiry = CertificateExpiry(files_of(config.bus.tls), clock)
         self._recall = HistoryService(self.process.history)
-        self._notifier = Notifier(config.notify, config.edge.id, clock)
+        self._notifier = Notifier(config.notified, config.edge.id, clock)
         history = self.process.history
         self.schedules = EdgeSchedules(
             config, folder, self.missions.starter, states=self.states, record=history.add, clock=clock

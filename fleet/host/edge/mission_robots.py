@@ -7,13 +7,10 @@ from functools import partial
 
 from fleet.bus import keys
 from fleet.bus.zenoh_session import ZenohSession
-from fleet.errors import WireError
-from fleet.host.robot.dry_run import against
 from fleet.host.robot.local_robot import LocalRobot
 from fleet.host.workers.remote_robot import RemoteRobot
-from fleet.model.command import Command, Request, Transport
+from fleet.model.command import Request, Transport
 from fleet.model.description import RobotDescription
-from fleet.model.navigation import Navigate
 from fleet.model.state import RobotState
 from fleet.runtime.decoding import decode_json
 from fleet.wire.rules import Kind
@@ -36,16 +33,6 @@ class RobotHere:
         """Read a message; what is returned takes it."""
         return self._robot.read(kind, payload, way=way, request_id=request_id, waits=waits)
 
-    def would_refuse(self, kind: Kind, payload: bytes, *, way: Transport) -> str:
-        """Return why a message would be refused now; empty when it would be taken."""
-        try:
-            ask = self._robot.ask_of(kind, payload, way=way, request_id="")
-        except WireError as error:
-            return str(error)
-        if not isinstance(ask, Command | Navigate):
-            return ""
-        return against(self._robot.controller, ask, self._robot.spec_of(ask.name))
-
 
 class RobotElsewhere:
     """A robot in a worker; what it takes is told by its worker."""
@@ -60,13 +47,6 @@ class RobotElsewhere:
     ) -> Request | None:
         """Read a message; what is returned takes it."""
         return self._robot.read(kind, payload, way=way, request_id=request_id, waits=waits)
-
-    def would_refuse(self, kind: Kind, payload: bytes, *, way: Transport) -> str:  # noqa: ARG002 - the protocol
-        """Return why a message would be refused now, as far as is known here without asking its worker."""
-        state = self.state()
-        if state.emergency_stop:
-            return f"its emergency stop is set: {state.stop_cause}"
-        return "" if state.reachable else f"it is offline: {state.cause}"
 
 
 class Descriptions:

@@ -13,13 +13,14 @@ import msgspec
 from fleet.bus import keys
 from fleet.bus.zenoh_session import Query
 from fleet.config.load import Loaded
-from fleet.config.missions import Mission, mission_of
-from fleet.config.places import places_of
+from fleet.config.missions import Mission, events_of, mission_of
 from fleet.errors import Refused, WireError
 from fleet.host.edge.cloud_workflows import CloudWorkflows
+from fleet.host.edge.common_start import CommonStart
 from fleet.host.edge.coordinators import Coordinators
 from fleet.host.edge.mission_robots import Descriptions, RobotElsewhere, RobotHere, can, trouble
 from fleet.host.edge.mission_starter import MissionStarter
+from fleet.host.edge.mission_ways import MissionWays
 from fleet.host.edge.partners import Partners
 from fleet.host.edge.rehearsals import Rehearsals
 from fleet.host.edge.run_results import RunResults
@@ -76,6 +77,7 @@ class Missions:
         self._edge = config.edge.id
         self._missions = {mission.name: mission for mission in loaded.missions}
         self._groups = config.members
+        self._events = events_of(config.events)
         self._bus_session = process.bus.control
         self._process = process
         self._here = {name: RobotHere(robot) for name, robot in process.robots.items()}
@@ -99,17 +101,19 @@ class Missions:
         edges |= {name: robot.edge for name, robot in self.partners.robots.items()}
         self._descriptions = Descriptions(self._bus_session, self._soon, edges)
         self.store = Store(folder)
-        found = places_of(config.places)
+        ways = MissionWays(loaded, lambda robot: self.runs.robots[robot].state())
         self.runs = Runs(
             self._edge,
             {**self._here, **self._elsewhere, **self.partners.robots},
             candidates=self._candidates,
             allowed=self._refusal,
-            places={name: place.at for name, place in found.items() if place.frame == "site"},
+            site=ways.site,
+            hindrance=ways.hindrance,
             store=self.store,
             clock=process.clock,
             soon=self._soon,
             stop=partial(self._stop, stop),
+            together=partial(CommonStart, self._bus_session, process.clock, ways.state_of),
             told=self._publish,
         )
         self.partners.runs = self.runs.all
@@ -332,7 +336,7 @@ class Missions:
     def _mission(self, name: str, ask: StartAsk) -> Mission:
         """Return the mission that is meant; raises Refused, InvalidConfig."""
         if ask.mission is not None:
-            return mission_of(name, ask.mission)
+            return mission_of(name, ask.mission, self._missions, self._events)
         mission = self._missions.get(name)
         if mission is None:
             known = ", ".join(self._missions) or "none"

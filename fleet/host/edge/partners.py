@@ -24,6 +24,7 @@ from fleet.host.workers.remote_robot import SILENT_AFTER, ask_robot
 from fleet.missions.coordination import RENEWED_EVERY, LeaseAnswer, LeaseAsk
 from fleet.missions.program import Do
 from fleet.missions.run import Run
+from fleet.missions.state import instruction_of
 from fleet.model.command import Answer, Reply, ReplyStatus, Request, Transport
 from fleet.model.state import RobotState
 from fleet.runtime.decoding import decode_json
@@ -86,13 +87,6 @@ class PartnerRobot:
             parameters["id"] = request_id
         send = partial(self._partners.send, self, payload, parameters)
         return Request(partial(self._partners.take, self, payload, way, send))
-
-    def would_refuse(self, kind: Kind, payload: bytes, *, way: Transport) -> str:  # noqa: ARG002 - the protocol
-        """Return why a message would be refused now, as far as is known here without asking its edge."""
-        state = self.state()
-        if state.emergency_stop:
-            return f"its emergency stop is set: {state.stop_cause}"
-        return "" if state.reachable else f"it is offline: {state.cause}"
 
 
 class Partners:
@@ -246,5 +240,5 @@ class Partners:
 
 def _failed_do(run: Run | None) -> str:
     """Return what a robot does that fails in the step which is under way."""
-    step = run.engine.steps.instruction() if run is not None else None
+    step = instruction_of(run.engine.program, run.engine.head) if run is not None else None
     return step.failed_do if isinstance(step, Do) else "hold"

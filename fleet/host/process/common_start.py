@@ -43,7 +43,7 @@ READY_WITHIN = 10.0  # s for a robot to say whether it is ready
 LOOK = 0.1  # s between looks at what is prepared
 LATE = 0.1  # s after the instant at which nothing begins any more
 READY = "check_ready"
-KINDS = ("command", "navigate")
+KINDS = ("command", "navigate", "mission")
 
 
 class _Prepared(msgspec.Struct, eq=False):

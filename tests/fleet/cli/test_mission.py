@@ -5,6 +5,7 @@ import msgspec
 import pytest
 
 from fleet.bus import keys
+from fleet.cli.runs import robot_lines, state_line
 from fleet.missions.report import AskedNow, Controlled, MissionState, RunRobot, RunState, Started
 from fleet.missions.results import Result
 from fleet.missions.store import Told
@@ -31,6 +32,7 @@ class Missions:
         self.runs = [state()]
         self.started = Started("3f2a", {"eye": ["kestrel"]})
         self.refusal = ""
+        self.story = [Told(1000.0, "run begun")]
         self.results = []
         control = edge._control
         control.answer(keys.mission("yard-1", "*"), self._mission)
@@ -51,7 +53,7 @@ class Missions:
         if question.payload:
             asked = json.loads(question.payload)
             self.asked.append(asked)
-            said = {"log": [Told(1000.0, "run begun")], "results": self.results}
+            said = {"log": self.story, "results": self.results}
             answer = said.get(asked["do"], Controlled(self.refusal))
             question.reply(msgspec.json.encode(answer), keys.run("yard-1", "3f2a"))
         else:
@@ -124,7 +126,8 @@ def test_missions_and_runs_are_shown(fleet, yard):
     assert "patrol" in fleet("mission", "ls").out
     assert "1. up" in fleet("mission", "show", "patrol").out
     shown = fleet("mission", "ps").out
-    assert "asks: Go on? [30 s, else abort]" in shown
+    assert "run 3f2a of patrol carries out step up (0 s since its start)" in shown
+    assert "It asks: Go on? Answer within 30 s, else: abort" in shown
     assert "kestrel  eye   takeoff  arm done > takeoff ..." in shown
     assert fleet("mission", "show", "patroll").code == 5
 
@@ -169,3 +172,43 @@ def test_of_several_runs_one_must_be_named(fleet, yard):
     assert "name one" in result.err
     yard.runs = []
     assert fleet("mission", "abort").code == 5
+
+
+@pytest.mark.parametrize(
+    ("fields", "line"),
+    [
+        (
+            {"phase": "occupying", "waits_for": "gate, which run 7 of patrol has"},
+            "run 3f2a of patrol waits for its places (0 s since its start): gate, which run 7 of patrol has",
+        ),
+        ({"phase": "paused"}, "run 3f2a of patrol is paused in step up (0 s since its start)"),
+        (
+            {"outcome": "completed_with_losses", "reason": "x"},
+            "run 3f2a of patrol has ended: completed with losses: x",
+        ),
+    ],
+)
+def test_a_run_is_told_in_a_sentence(fields, line):
+    assert state_line(msgspec.structs.replace(state(), **fields)) == line
+
+
+@pytest.mark.parametrize(
+    ("robot", "line"),
+    [
+        (RunRobot("spot", "eye", "spare", within=False), "spot (eye) is a spare"),
+        (RunRobot("spot", "eye"), "spot (eye) waits for its next step"),
+        (
+            RunRobot("spot", "eye", "", within=False, outcome="lost", reason="no heartbeat"),
+            "spot (eye) is out of the run, because it does not answer: no heartbeat",
+        ),
+    ],
+)
+def test_a_robot_of_a_run_is_told_in_a_sentence(robot, line):
+    assert robot_lines(msgspec.structs.replace(state(), robots=(robot,))) == [line]
+
+
+def test_the_story_of_a_run_is_told_in_sentences(fleet, yard):
+    yard.story = [Told(1000.0, "begins takeoff", "up.1", "kestrel"), Told(1001.0, "anna paused the run")]
+    shown = fleet("mission", "log", "3f2a").out
+    assert "kestrel begins takeoff (step up)\n" in shown
+    assert shown.endswith(" anna paused the run\n")

@@ -42,8 +42,8 @@ class Rehearsing:
         self.asked = []
         self.begun = RehearsalState("7f", roles={"eye": ["kestrel"]})
         notes = [
-            RehearsalNote(0.0, "takeoff begun", "up.1", "kestrel"),
-            RehearsalNote(26.0, "ended: completed"),
+            RehearsalNote(0.0, "begins takeoff", "up.1", "kestrel"),
+            RehearsalNote(26.0, "The run has ended: completed"),
         ]
         self.states = [
             RehearsalState("7f", seconds=9.4, step="up.1", notes=tuple(notes[:1])),
@@ -80,8 +80,8 @@ def test_a_rehearsal_is_followed_and_shown_as_a_page(fleet, yard):
     assert [look for _, look in looks] == [{"id": "7f", "since": 0}, {"id": "7f", "since": 1}]
     assert result.err.splitlines() == [
         "eye: kestrel",
-        "     0.0 s  up.1 kestrel: takeoff begun",
-        "    26.0 s  ended: completed",
+        "     0.0 s  kestrel begins takeoff (step up)",
+        "    26.0 s  The run has ended: completed",
     ]
     out = result.out.splitlines()
     assert out[:2] == ["rehearsal of patrol: passed (completed)", "26 s simulated in 0.5 s, seed 1"]

@@ -7,9 +7,8 @@ import msgspec
 import pytest
 
 from fleet.bus import keys
-from fleet.cli.together import CLOCKS_WITHIN
 from fleet.model.command import Reply, ReplyStatus
-from fleet.model.start import Offset, StartAnswer, offset_of
+from fleet.model.start import CLOCKS_WITHIN, Offset, StartAnswer, offset_of
 
 
 @pytest.fixture

@@ -76,3 +76,9 @@ def test_a_config_that_cannot_be_described_is_left_out(yard, caplog):
     registry.add_folder(yard.folder / "plugins")
     assert "OtherConfig" not in json_schema(registry)["$defs"]
     assert "other is left out of the schema" in caplog.text
+
+
+def test_a_mission_in_it_is_what_a_mission_file_is(schema):
+    missions = schema["properties"]["missions"]["additionalProperties"]
+    assert missions == {"$ref": "#/$defs/MissionConfig"}
+    assert "steps" in schema["$defs"]["MissionConfig"]["properties"]

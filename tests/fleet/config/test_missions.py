@@ -30,7 +30,7 @@ steps:
   - {id: home, do: {all: return_to_home}}
 on_failure: undo
 """
-KNOWN = Known(["kestrel", "beast", "yard"], ["dock-1"])
+KNOWN = Known(["kestrel", "beast", "yard"], ["dock-1"], on_earth=False)
 
 
 @pytest.fixture
@@ -75,7 +75,12 @@ def test_a_mission_becomes_a_program_of_instructions(mission):
         ("wait: 1 min, ask: {text: Eh}", "wait: 1 min", 18, "needs exactly one of do, wait"),
         ("finish: nose", "finish: any", 17, "there is no role 'nose'"),
         ("role: nose, battery", "role: eye, battery", 15, "there is no role 'nose'"),
-        ("path: way.csv", "path: [[0, 0], [1, 1]]", 17, "a path is not read from a file yet"),
+        ("path: way.csv", "path: [[0, 0], [1, 1]]", 17, "way.csv: cannot be read: "),
+        ("path: [[0], [1, 1]]", "path: [[0, 0], [1, 1]]", 17, "a point is [x, y] or [x, y, z] in metres"),
+        ("path: [[0, 0], way.csv]", "path: [[0, 0], [1, 1]]", 17, "a list of paths has a file or a list"),
+        ("goto: {lat: 47}", "goto: [1, 2, 3]", 17, "a point is [x, y] or [x, y, z] in metres"),
+        ("goto: {lat: 47, lon: 200}", "goto: [1, 2, 3]", 17, "lat and lon are degrees"),
+        ("goto: {lat: 47, lon: 8}", "goto: [1, 2, 3]", 17, "nobody knows where the site is on Earth"),
         ("times: 0", "times: 3", 14, "must be at least 1"),
         ("{eye: {command: land, wiht: {}}}", "{eye: land}", 11, "unknown key"),
         ("on_failure: undo\non_abort: takeoff", "on_failure: undo", 21, "takeoff makes nothing safer"),
@@ -116,6 +121,20 @@ def test_a_plan_that_is_missing_or_not_flown_here_is_told_at_its_place(mission, 
     (tmp_path / "field.plan").write_text(json.dumps({"fileType": "Plan", "mission": {"items": []}}))
     with pytest.raises(InvalidConfig, match=r"field.plan: .*an array of 1 to"):
         mission(*plan)
+
+
+def test_a_place_may_be_an_input(tmp_path):
+    steps = "[{id: x, do: {a: {goto: {input: to}}}}]"
+    text = f"version: 1\ninputs: {{to: {{type: place}}}}\nroles: {{a: {{}}}}\nsteps: {steps}"
+    (tmp_path / "deliver.yaml").write_text(text)
+    program = read_mission(tmp_path / "deliver.yaml", {}, KNOWN).program({"to": "dock-1"})
+    assert program.steps[0].acts["a"][0].value == "dock-1"
+
+
+def test_a_mission_that_is_sent_names_no_files():
+    steps = [{"id": "x", "do": {"a": {"path": "way.csv"}}}]
+    with pytest.raises(InvalidConfig, match="has the content of its files in it"):
+        mission_of("patrol", {"version": 1, "roles": {"a": {}}, "steps": steps})
 
 
 def test_a_mission_that_is_sent_is_checked_as_strictly(mission):

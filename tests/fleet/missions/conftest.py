@@ -3,7 +3,19 @@ from hypothesis import settings
 
 from fleet.missions.engine import Engine
 from fleet.missions.program import Act, Do, Program
-from fleet.missions.state import Begin, Ended, Facts, Member, Outcome, Prepare, Replied, Start, Tick
+from fleet.missions.state import (
+    Begin,
+    BeginTogether,
+    Ended,
+    Facts,
+    Member,
+    Outcome,
+    Prepare,
+    Replied,
+    Start,
+    Tick,
+)
+from tests.fleet.missions.yard import Yard
 
 SOAK = 10_000
 """Lives of a run that are played with ``--soak``."""
@@ -13,14 +25,21 @@ ROLES = {"kestrel": "eye", "beast": "feet", "rover": "feet"}
 class Play:
     """A run that is played event by event; time is moved by hand."""
 
-    def __init__(self, *steps, robots=ROLES, **options):
+    def __init__(self, *steps, robots=ROLES, plays=None, spares=None, **options):
         self.now = 0.0
         self.effects = []
+        spares = spares or {}
         quorum = options.pop("quorum", {"eye": 1, "feet": 1})
         self.program = Program("patrol", steps, quorum, **options)
-        members = [Member(robot, role, at) for at, (robot, role) in enumerate(robots.items())]
+        members = [
+            Member(robot, role, at, (plays or {}).get(robot, {}))
+            for at, (robot, role) in enumerate(robots.items())
+        ]
+        members += [
+            Member(robot, role, 0, ours=False, within=False, spare=True) for robot, role in spares.items()
+        ]
         self.engine = Engine("run", self.program, members)
-        for robot in robots:
+        for robot in (*robots, *spares):
             self.take(Facts(robot, "ok", 80.0, (0.0, 0.0, 0.0)))
         self.take(Start())
 
@@ -35,7 +54,13 @@ class Play:
 
     def begun(self):
         """Return what was begun: robot and words, in order."""
-        return [(each.part.robot, each.part.act.words) for each in self.effects if isinstance(each, Begin)]
+        parts = [
+            part
+            for each in self.effects
+            for part in (each.parts if isinstance(each, BeginTogether) else (getattr(each, "part", None),))
+            if isinstance(each, Begin | BeginTogether)
+        ]
+        return [(part.robot, part.act.words) for part in parts]
 
     def of(self, kind):
         return [each for each in self.effects if isinstance(each, kind)]
@@ -77,6 +102,13 @@ def do(step="go", *, undo=None, **options):
 @pytest.fixture
 def play():
     return Play
+
+
+@pytest.fixture
+def yard(tmp_path):
+    made = Yard(tmp_path)
+    yield made
+    made.store.close()
 
 
 def pytest_collection_modifyitems(config, items):

@@ -6,19 +6,39 @@ from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, initialize, precondition, rule
 
 from fleet.missions.engine import Engine
-from fleet.missions.program import Act, Again, Ask, Condition, Do, Loop, Program, Require, Wait, WaitFor
+from fleet.missions.program import (
+    Act,
+    Again,
+    Ask,
+    Condition,
+    Do,
+    Enter,
+    Leave,
+    Loop,
+    Program,
+    Require,
+    Wait,
+    WaitFor,
+)
 from fleet.missions.state import (
     NEXT,
     Abort,
     Answer,
     Begin,
+    BeginTogether,
+    Dismiss,
     EmergencyStop,
     Ended,
+    Enlist,
+    Enlisted,
     Facts,
     Head,
     Heard,
     Left,
     Member,
+    NotStarted,
+    Occupied,
+    Occupy,
     Outcome,
     Part,
     Pause,
@@ -34,6 +54,7 @@ from fleet.missions.state import (
 )
 
 ROBOTS = {"kestrel": "eye", "beast": "feet", "rover": "feet"}
+SPARE = "spot"
 GONE = [Outcome.LOST, Outcome.TAKEN, Outcome.STOPPED]
 ENDS = [Outcome.DONE, Outcome.DONE, Outcome.DONE, Outcome.FAILED, Outcome.REFUSED, Outcome.UNKNOWN]
 CONDITIONS = st.sampled_from(
@@ -52,9 +73,15 @@ ACTS = st.builds(
     timeout=st.sampled_from([5.0, 60.0]),
     retry=st.integers(0, 2),
 )
-BY_ROLE = st.dictionaries(
-    st.sampled_from(["eye", "feet", "all"]), ACTS.map(lambda act: (act,)), min_size=1, max_size=2
-)
+PLAYS = {"kestrel": {"in.up": 0, "in.all": 0}, "beast": {"in.down": 0, "in.all": 0}}
+"""Roles of the mission within the mission; the rover does not take part in it."""
+
+
+def by_role(*roles):
+    return st.dictionaries(st.sampled_from(roles), ACTS.map(lambda act: (act,)), min_size=1, max_size=2)
+
+
+BY_ROLE = by_role("eye", "feet", "all")
 DOS = st.builds(
     Do,
     id=st.just("do"),
@@ -86,6 +113,35 @@ OTHERS = st.one_of(
 
 
 @st.composite
+def inner_missions(draw, begin):
+    """Draw a mission within the mission, whose first instruction has the index ``begin``."""
+    acts = by_role("in.up", "in.down", "in.all")
+    dos = st.builds(
+        Do,
+        id=st.just("in.do"),
+        acts=acts,
+        finish=st.sampled_from(["all", "any", "in.up"]),
+        together=st.booleans(),
+        failed_then=st.sampled_from(["continue", "wait", "fail"]),
+        undo=st.one_of(st.just({}), acts),
+        require=st.sampled_from([None, Require(battery_min=20)]),
+    )
+    inner = draw(st.lists(st.one_of(dos, dos, OTHERS), min_size=1, max_size=3))
+    enter = Enter(
+        "in",
+        "inner",
+        "in.all",
+        begin + len(inner) + 2,
+        draw(st.sampled_from([{"in.up": 1}, {"in.up": 1, "in.down": 1}, {"in.down": 0}])),
+        draw(st.sampled_from([None, 50.0])),
+        failed_do=draw(st.sampled_from(["hold", "land"])),
+        failed_then=draw(st.sampled_from(["continue", "wait", "fail"])),
+        only_if=draw(CONDITIONS),
+    )
+    return [enter, *inner, Leave(begin, "in")]
+
+
+@st.composite
 def programs(draw):
     steps = draw(st.lists(st.one_of(DOS, DOS, OTHERS), min_size=1, max_size=4))
     if draw(st.booleans()):
@@ -93,11 +149,14 @@ def programs(draw):
         until = draw(CONDITIONS)
         begin = len(steps)
         steps += [Loop("again", draw(st.integers(1, 3)), begin + len(inner) + 2, until), *inner, Again(begin)]
+    if draw(st.booleans()):
+        steps += draw(inner_missions(begin=len(steps)))
     return Program(
         "mission",
         tuple(steps),
         draw(st.sampled_from([{"eye": 1, "feet": 1}, {"eye": 1, "feet": 2}, {"feet": 1}])),
         draw(st.sampled_from([Require(), Require(battery_min=20)])),
+        occupies=draw(st.sampled_from([(), (), ("gate",)])),
         deadline=draw(st.sampled_from([None, None, 400.0])),
         on_failure=draw(st.sampled_from(["hold", "undo", "stop"])),
         on_abort=draw(st.sampled_from(["hold", "land"])),
@@ -108,23 +167,30 @@ def programs(draw):
 class Life(RuleBasedStateMachine):
     """A run, its robots as they are in truth, and what was recorded of it."""
 
-    @initialize(program=programs())
-    def begin(self, program):
+    @initialize(program=programs(), spare=st.booleans())
+    def begin(self, program, spare):
         self.program = program
         self.now = 0.0
         self.begun = set()
-        self.not_ours = set()
+        self.not_ours = {SPARE}
+        self.enlisting = False
         self.stopped = False
         self.ended = []
         self.waiting = {}
         self.preparing = {}
-        members = [Member(robot, role, at) for at, (robot, role) in enumerate(ROBOTS.items())]
+        self.occupying = False
+        self.together = ""
+        members = [
+            Member(robot, role, at, PLAYS.get(robot, {})) for at, (robot, role) in enumerate(ROBOTS.items())
+        ]
+        if spare:
+            members.append(Member(SPARE, "feet", 0, ours=False, within=False, spare=True))
         self.recorded = {member.robot: msgspec.json.encode(member) for member in members}
         self.parts = {}
         self.engine = Engine("run", program, members)
         self.head = msgspec.json.encode(self.engine.head)
         self.phase = self.engine.head.phase
-        for robot in ROBOTS:
+        for robot in (*ROBOTS, SPARE):
             self.send(Facts(robot, "ok", 80.0, (0.0, 0.0, 0.0)))
         self.send(Start())
 
@@ -148,13 +214,16 @@ class Life(RuleBasedStateMachine):
 
     def check(self, effect):
         match effect:
+            case BeginTogether(_, parts):
+                for part in parts:
+                    self.check(Begin(part))
             case Begin(part):
                 assert part.identity not in self.begun, f"{part.identity} is begun twice"
                 assert part.robot not in self.not_ours, f"{part.robot} is commanded and not ours"
                 assert part.identity in self.parts, f"{part.identity} is not recorded"
                 assert not (self.stopped and part.kind != "halt"), "something follows an emergency stop"
                 self.begun.add(part.identity)
-            case Prepare(robot) | EmergencyStop((robot,)):
+            case Prepare(robot=robot) | EmergencyStop((robot,)):
                 assert robot not in self.not_ours
             case Ended():
                 self.ended.append(effect)
@@ -164,9 +233,24 @@ class Life(RuleBasedStateMachine):
 
     def carry_out(self, effect):
         match effect:
+            case BeginTogether(_, parts):
+                self.together = effect.step
+                for part in parts:
+                    self.carry_out(Begin(part))
             case Begin(part):
+                assert not (self.occupying and part.kind == "do"), (
+                    "nothing begins before its places are its own"
+                )
                 self.waiting[part.identity] = part
-            case Prepare(robot):
+            case Enlist(robot):
+                assert robot == SPARE
+                self.enlisting = True
+            case Dismiss(robot):
+                assert robot == SPARE
+                self.not_ours.add(robot)
+            case Occupy():
+                self.occupying = True
+            case Prepare(robot=robot):
                 self.preparing[robot] = effect
             case EmergencyStop(robots):
                 self.not_ours |= set(robots)
@@ -198,6 +282,26 @@ class Life(RuleBasedStateMachine):
         robot = data.draw(st.sampled_from(sorted(self.preparing)))
         del self.preparing[robot]
         self.send(Prepared(robot, refusal))
+
+    @precondition(lambda self: self.enlisting)
+    @rule(refusal=st.sampled_from(["", "", "no"]))
+    def a_spare_answers(self, refusal):
+        self.enlisting = False
+        if not refusal:
+            self.not_ours.discard(SPARE)
+        self.send(Enlisted(SPARE, refusal))
+
+    @precondition(lambda self: self.together)
+    @rule()
+    def nobody_is_started(self):
+        step, self.together = self.together, ""
+        self.send(NotStarted(step, "the instant came before all had taken it"))
+
+    @precondition(lambda self: self.occupying)
+    @rule(event=st.sampled_from([Occupied(), Occupied(), Occupied("gate"), Occupied(late="no")]))
+    def it_is_told_of_its_places(self, event):
+        self.occupying = self.occupying and bool(event.waits_for)
+        self.send(event)
 
     @rule(robot=st.sampled_from(sorted(ROBOTS)), outcome=st.sampled_from(GONE))
     def a_robot_leaves(self, robot, outcome):
@@ -263,7 +367,8 @@ class Life(RuleBasedStateMachine):
         if self.engine.over:
             return
         self.now += seconds
-        self.waiting, self.preparing = {}, {}
+        self.waiting, self.preparing, self.occupying = {}, {}, False
+        self.enlisting = False
         self.engine = Engine(
             "run",
             self.program,
@@ -271,7 +376,7 @@ class Life(RuleBasedStateMachine):
             head=msgspec.json.decode(self.head, type=Head),
             parts=[msgspec.json.decode(each, type=Part) for each in self.parts.values()],
         )
-        for robot in ROBOTS:
+        for robot in (*ROBOTS, SPARE):
             self.send(Facts(robot, "ok", 80.0, (0.0, 0.0, 0.0)))
         self.send(Restarted())
 

@@ -2,22 +2,29 @@
 
 import inspect
 import re
+import shutil
+import sqlite3
 import sys
 from pathlib import Path
 
 import msgspec
 import pytest
 
+from fleet.config.missions import mission_of
 from fleet.missions.coordination import LAPSES_AFTER, CoordinatorLeases, LeaseAsk
 from fleet.missions.engine import Engine
-from fleet.missions.program import Act
+from fleet.missions.program import Act, Enter, Leave
+from fleet.missions.report import StartAsk
 from fleet.missions.state import (
     Abort,
     Answer,
+    Enlisted,
     Facts,
     Head,
     Left,
     Member,
+    NotStarted,
+    Occupied,
     Outcome,
     Part,
     Phase,
@@ -26,7 +33,10 @@ from fleet.missions.state import (
     RunOutcome,
     StopAll,
 )
+from fleet.missions.store import Store
+from fleet.model.command import Transport
 from tests.fleet.missions.conftest import do
+from tests.fleet.missions.yard import MISSION
 
 DOCS = Path(__file__).parents[3] / "docs" / "how-to" / "missions.md"
 LAND = {"all": (Act("command", "land", timeout=60.0),)}
@@ -189,6 +199,24 @@ def test_what_lands_is_not_broken_off(play):
     assert run.ended is RunOutcome.FAILED
 
 
+def test_a_place_is_not_free_in_time(play):
+    run = play(do(), occupies=("gate",))
+    run.take(Occupied("gate, which run 7 of patrol has"))
+    assert run.engine.head.phase is Phase.OCCUPYING
+    run.take(Occupied(late="gate did not become free in time: run 7 of patrol has it"))
+    assert [words for _, words in run.begun()] == ["stop"] * 3, "nothing was begun"
+    run.stands(*EVERYBODY)
+    assert run.ended is RunOutcome.FAILED
+
+
+def test_a_robot_is_lost_that_has_a_spare(play):
+    run = play(do(), do("home"), spares={"spot": "feet"}, quorum={"feet": 2})
+    run.take(Left("beast", Outcome.LOST, "gone")).reply("kestrel").reply("rover")
+    run.take(Enlisted("spot")).reply("kestrel").reply("rover").reply("spot")
+    assert run.ended is RunOutcome.WITH_LOSSES
+    assert run.outcomes()["spot"] == "done"
+
+
 def test_undo_fails(play):
     run = play(do(undo=LAND), on_failure="undo")
     run.reply("kestrel", Outcome.FAILED, "no").stands(*EVERYBODY)
@@ -223,6 +251,96 @@ def test_a_person_aborts(play):
     assert run.begun()[3:] == [(robot, "land") for robot in EVERYBODY]
     run.reply("kestrel").reply("beast").reply("rover")
     assert run.ended is RunOutcome.ABORTED
+
+
+def test_cloud_away(yard):
+    yard.start(way=Transport.CLOUD, source_type="tele")
+    yard.done("kestrel", "takeoff")  # nothing here reaches a cloud: a run needs none
+    yard.done("kestrel", "goto")
+    yard.done("beast", "goto")
+    assert yard.last.outcome == "completed"
+
+
+def test_computer_power_cut(yard, tmp_path_factory):
+    yard.start()
+    assert yard.robots["kestrel"].names == ["takeoff"]
+    folder = tmp_path_factory.mktemp("disk")
+    for file in yard.folder.iterdir():  # as it is on the disk at this instant: nothing is closed
+        shutil.copy(file, folder)
+    (kept,) = Store(folder).unfinished()
+    yard.folder = folder
+    yard.begin()
+    for robot in yard.robots.values():
+        robot.be(run="")
+    yard.runs.take_up()
+    yard.turn()
+    assert [part.identity for part in kept.parts] == ["3f2a/up.1/kestrel/1"]
+    assert yard.robots["kestrel"].names == ["takeoff", "stop"], "a begun step is never begun again"
+    assert yard.last.question is not None
+
+
+def test_the_record_of_runs_is_unreadable(yard):
+    yard.start()
+    yard.store.close()
+    for file in yard.folder.glob("missions.db*"):
+        file.write_bytes(b"no database" * 1000)
+    told = len(yard.robots["kestrel"].told)
+    yard.begin()
+    yard.runs.take_up()
+    yard.turn()
+    assert "set aside" in yard.store.lost, "a person is told"
+    assert (yard.runs.states(), len(yard.robots["kestrel"].told)) == ([], told)
+
+
+def test_disk_full(yard):
+    yard.start()
+    yard.store._database.close()
+    yard.store._database = sqlite3.connect(":memory:", check_same_thread=False)  # takes nothing
+    yard.done("kestrel", "takeoff")
+    assert yard.robots["kestrel"].names == ["takeoff", "goto"], "one that is under way goes on"
+    yard.turn()
+    ((run, _, refusal),) = yard.start(run="77")
+    assert run == ""
+    assert "not recorded" in refusal
+
+
+def test_mission_is_edited_or_a_robot_is_removed(yard):
+    yard.start()
+    yard.begin()
+    del yard.robots["beast"]
+    yard.robots["kestrel"].be(run="")
+    yard.runs.take_up()
+    yard.turn()
+    robots = {each.robot: (each.outcome, each.reason) for each in yard.last.robots}
+    assert robots["beast"] == ("lost", "fleet.yaml has it no more")
+    (kept,) = Store(yard.folder).unfinished()
+    assert [step.id for step in kept.program.steps] == ["up", "go"], "the run has a copy of its own"
+
+
+def test_two_schedules_want_one_robot(yard):
+    yard.start()
+    other = mission_of("other", {**MISSION, "steps": MISSION["steps"][:1]})
+    found = yard.runs.filling.in_the_way(other, other.program({}), StartAsk(run="77"))
+    assert found == ["3f2a"], "the busy rule decides, and names it"
+
+
+def test_a_mission_within_the_mission_fails(play):
+    enter = Enter("in", "scan", "in.all", 3, {"in.a": 1})
+    inner = do("in.go", acts={"in.all": (Act("goto", [1, 1], timeout=60.0),)})
+    plays = {"beast": {"in.a": 0, "in.all": 0}}
+    run = play(enter, inner, Leave(0, "in"), do("home"), plays=plays, quorum={"eye": 1})
+    run.reply("beast", Outcome.FAILED, "no").stands("beast").reply("kestrel").reply("rover")
+    assert run.ended is RunOutcome.WITH_LOSSES
+    assert run.outcomes()["beast"] == "failed"
+
+
+def test_the_common_start_is_taken_back(play):
+    run = play(do(together=True))
+    for robot in EVERYBODY:
+        run.take(Prepared(robot))
+    run.take(NotStarted("go.1", "beast: its emergency stop is set")).stands(*EVERYBODY)
+    assert run.ended is RunOutcome.FAILED
+    assert "nobody moved" in run.engine.head.reason
 
 
 def test_every_row_of_the_matrix_has_its_test():

@@ -1,165 +1,17 @@
 """Runs of an edge whose robots answer by hand: recorded, commanded, given back, taken up again."""
 
-import json
 import sqlite3
 
-import msgspec
 import pytest
 
 from fleet.config.missions import mission_of
 from fleet.errors import Refused
 from fleet.missions.filling import rehearse_command
 from fleet.missions.report import ControlAsk, StartAsk
-from fleet.missions.roles import Candidate
-from fleet.missions.runs import BACK_WITHIN, JOIN_WITHIN, Runs
-from fleet.missions.state import Facts
+from fleet.missions.runs import BACK_WITHIN, JOIN_WITHIN
 from fleet.missions.store import Store
-from fleet.model.command import Reply, ReplyStatus, Request, Transport
-from fleet.model.geometry import Vector3
-from fleet.model.site import Placement
-from fleet.model.state import RobotState
-from fleet.testing.clock import ManualClock
-
-MISSION = {
-    "version": 1,
-    "roles": {"eye": {"from": "kestrel"}, "feet": {"from": "beast"}},
-    "steps": [
-        {"id": "up", "do": {"eye": "takeoff"}, "undo": {"eye": "land"}},
-        {"id": "go", "do": {"all": {"goto": [1, 2]}}},
-    ],
-    "on_failure": "undo",
-}
-
-
-class Robot:
-    """A robot that does what it is told when the test says so."""
-
-    def __init__(self, name):
-        self.name = name
-        self.told = []
-        self.waiting = {}
-        self.refuses = {}
-        here = Vector3(0.0, 0.0, 0.0)
-        self.now = RobotState(
-            name,
-            "t",
-            "toy",
-            "yard",
-            0.0,
-            "ok",
-            reachable=True,
-            battery=80.0,
-            site=here,
-            placement=Placement(here, 0.0),
-        )
-
-    def state(self):
-        return self.now
-
-    def be(self, **fields):
-        self.now = msgspec.structs.replace(self.now, **fields)
-
-    def would_refuse(self, kind, payload, *, way):
-        return self.refuses.get(json.loads(payload)["command"], "")
-
-    def read(self, kind, payload, *, way, request_id="", waits=False):
-        message = json.loads(payload)
-        return Request(lambda answer: self._take(message, way, request_id, answer))
-
-    def _take(self, message, way, request_id, answer):
-        name = message["command"]
-        self.told.append((name, request_id))
-        if name in self.refuses:
-            answer(Reply(name, ReplyStatus.REJECTED, self.refuses[name]))
-        elif name == "join_run":
-            self.be(run=message["data"]["run"])
-            answer(Reply(name, ReplyStatus.ACCEPTED, done=True))
-        elif name == "leave_run":
-            self.be(run="")
-            answer(Reply(name, ReplyStatus.ACCEPTED, done=True))
-        else:
-            answer(Reply(name, ReplyStatus.ACCEPTED))
-            self.waiting[name] = answer
-
-    def done(self, name):
-        self.waiting.pop(name)(Reply(name, ReplyStatus.ACCEPTED, done=True))
-
-    @property
-    def names(self):
-        return [name for name, _ in self.told if name not in ("join_run", "leave_run")]
-
-
-class Yard:
-    """An edge's runs, whose event loop is the test's own."""
-
-    def __init__(self, folder):
-        self.folder = folder
-        self.clock = ManualClock()
-        self.robots = {name: Robot(name) for name in ("kestrel", "beast")}
-        self.denied = {}
-        self.told = []
-        self.stopped = []
-        self.soon = []
-        self.store = None
-        self.begin()
-
-    def begin(self):
-        """Be another process with the same disk."""
-        if self.store is not None:
-            self.store.close()
-        self.store = Store(self.folder)
-        self.soon.clear()
-        self.runs = Runs(
-            "yard",
-            self.robots,
-            candidates=lambda: [
-                Candidate(name, "toy", frozenset({"takeoff", "land", "goto"}), Facts(name, "ok", 80.0))
-                for name in self.robots
-            ],
-            allowed=lambda robot, origin, _commands, _navigates: self.denied.get((robot, origin.way)),
-            places={},
-            store=self.store,
-            clock=self.clock,
-            soon=self.soon.append,
-            stop=lambda robots, why: self.stopped.append(robots),
-            told=self.told.append,
-        )
-
-    def settle(self):
-        """Let the disk and the loop do what waits."""
-        for _ in range(20):
-            self.store._thread.submit(lambda: None).result(20)
-            calls, self.soon[:] = list(self.soon), []
-            for call in calls:
-                call()
-
-    def start(self, mission=MISSION, *, way=Transport.BUS, **fields):
-        began = []
-        ask = StartAsk(run="3f2a", session_id="anna", **fields)
-        found = mission_of("patrol", mission)
-        self.runs.start(found, found.program({}), ask, way, lambda *given: began.append(given))
-        self.settle()
-        return began
-
-    def turn(self, seconds=0.2):
-        self.clock.advance(seconds)
-        self.runs.turn()
-        self.settle()
-
-    def done(self, robot, name):
-        self.robots[robot].done(name)
-        self.settle()
-
-    @property
-    def last(self):
-        return self.told[-1]
-
-
-@pytest.fixture
-def yard(tmp_path):
-    made = Yard(tmp_path)
-    yield made
-    made.store.close()
+from fleet.model.command import Transport
+from tests.fleet.missions.yard import MISSION
 
 
 def test_a_run_goes_through_its_steps_and_gives_its_robots_back(yard):
@@ -251,16 +103,6 @@ def test_who_is_refused_for_want_of_a_rehearsal_is_told_what_to_type():
     ask = StartAsk(inputs={"height": 4}, robots={"eye": ["kestrel"]})
     assert rehearse_command("patrol", ask) == "fleet mission rehearse patrol height=4 --robot eye=kestrel"
     assert rehearse_command("patrol", StartAsk(mission=MISSION)) == "fleet mission rehearse FILE"
-
-
-def test_two_runs_do_not_occupy_one_place(yard):
-    yard.start({**MISSION, "occupies": ["gate"]})
-    began = []
-    other = mission_of("other", {**MISSION, "occupies": ["gate"]})
-    yard.runs.start(
-        other, other.program({}), StartAsk(run="77"), Transport.BUS, lambda *given: began.append(given)
-    )
-    assert began[0][2] == "run 3f2a of patrol occupies gate"
 
 
 @pytest.mark.parametrize(
@@ -383,3 +225,10 @@ def test_what_is_refused_anyway_has_no_run_in_its_way(yard):
     other = mission_of("patrol", {**MISSION, "rehearse": "required"})
     with pytest.raises(Refused, match="rehearsed"):
         yard.runs.filling.in_the_way(other, other.program({}), StartAsk(run="77"))
+
+
+def test_a_step_that_leads_a_robot_through_its_fence_is_refused_before_anything_moves(yard):
+    yard.hindered["beast", "goto"] = "goal 1 is outside the fence"
+    ((run, _, refusal),) = yard.start()
+    assert (run, refusal) == ("", "beast: step go: goal 1 is outside the fence")
+    assert all(robot.told == [] for robot in yard.robots.values())

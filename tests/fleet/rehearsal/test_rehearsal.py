@@ -209,7 +209,8 @@ def test_it_tells_how_far_it_is(field, monkeypatch):
     monkeypatch.setattr(rehearsal, "TELL", 0.0)
     lines = []
     rehearse(field().task({"roles": ROVER, "steps": [go(2, -2)]}, {"rover": ["ugv-1"]}), lines.append)
-    assert [line.note.text for line in lines if line.note] == ["goto begun", "goto done", "ended: completed"]
+    told = [line.note.text for line in lines if line.note]
+    assert told == ["begins goto", "has finished goto", "The run has ended: completed"]
     seconds = [line.seconds for line in lines if line.note is None]
     assert seconds == sorted(seconds)
     assert len(seconds) > 5

@@ -16,6 +16,7 @@ import msgspec
 
 from fleet.config.missions import mission_of
 from fleet.host.edge.mission_starter import MissionStarter
+from fleet.missions.points import SiteMap
 from fleet.missions.roles import Candidate
 from fleet.missions.runs import Runs
 from fleet.missions.state import Facts
@@ -59,9 +60,6 @@ class Robot:
     def state(self):
         return self._now
 
-    def would_refuse(self, kind, payload, *, way):
-        return ""
-
     def read(self, kind, payload, *, way, request_id="", waits=False):
         message = json.loads(payload)
         return Request(lambda answer: self._take(message, request_id, answer))
@@ -102,10 +100,12 @@ async def main(folder, began, trigger, kill):
                 for name, robot in robots.items()
             ],
             allowed=lambda *_: None,
-            places={},
+            site=SiteMap(),
             store=store,
             clock=clock,
             soon=loop.call_soon_threadsafe,
+            hindrance=lambda *_: "",
+            together=None,
             stop=lambda *_: None,
             told=lambda _: None,
         )

@@ -11,7 +11,7 @@ import time
 import pytest
 from pydantic import ValidationError
 
-from fleet.config.notify import NotifyConfig
+from fleet.config.notify import NotifyConfig, with_members
 from fleet.host.edge import notifier
 from fleet.host.edge.notifier import NoticeTarget, Notifier, run_program
 from fleet.host.edge.webhook import Webhook
@@ -238,3 +238,9 @@ async def test_a_stop_is_told_without_a_cloud_also_of_a_robot_in_a_worker(yard, 
         await asks.until(lambda: [got for got in hook.got if got["kind"] == "stop"])
         await asyncio.to_thread(bus_session.close)
     assert {got["robot"] for got in hook.got} == {"rex"}
+
+
+def test_a_group_stands_for_its_robots():
+    configs = [NotifyConfig(command=("x",), robots=("yard", "kestrel")), NotifyConfig(command=("x",))]
+    first, second = with_members(configs, {"yard": ("beast", "rover")})
+    assert (first.robots, second.robots) == (("beast", "rover", "kestrel"), ())

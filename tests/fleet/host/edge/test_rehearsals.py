@@ -66,7 +66,7 @@ async def test_a_mission_that_must_be_rehearsed_is_started_after_a_pass_alone(re
             "stand-in that stands where the robot is",
             "kinematic stand-in: toy has no simulator that runs in simulated time",
         ]
-        assert "walk begun" in err
+        assert "rex begins walk (step go)" in err
         assert place.words() == ["run", "run"], "no robot is told anything, and none is run anew"
         assert (await fleet("mission", "run", "patrol", "--detach"))[0] == 0
         code, _, err = await fleet("mission", "rehearse", "patrol")

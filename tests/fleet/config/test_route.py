@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from fleet.cli.route import Waypoints, read_route, route_of
+from fleet.config.route import Waypoints, read_route, route_of
 from fleet.errors import Refused
 
 LINE = {"type": "LineString", "coordinates": [[8.5, 47.1, 20], [8.6, 47.2, 25]]}

@@ -1,4 +1,4 @@
-"""Reads the places that ``fleet goto`` is to lead a robot through: from the command line, CSV or GeoJSON.
+"""Reads places that robots are led through: from the command line, or from a CSV or GeoJSON file.
 
 CSV has one place a line, x,y[,z] in metres, or with a heading ``latitude,longitude[,altitude]`` on Earth.
 GeoJSON (RFC 7946) has them as a LineString, or as Points in their order: longitude, latitude[, altitude].

@@ -1,0 +1,32 @@
+"""What the missions of a fleet file may name: its robots, groups, places and events."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from fleet.config.missions import Known, events_of
+
+
+def known_of(data: Mapping[str, Any]) -> Known:
+    """Return what a mission may name, from the data of a fleet file, whatever else is wrong in it."""
+    listed = data.get("robots")
+    robots = [
+        robot.get("name") for robot in (listed if isinstance(listed, list) else ()) if isinstance(robot, dict)
+    ]
+    partners = data.get("partners")
+    for partner in partners.values() if isinstance(partners, dict) else ():
+        there = partner.get("robots") if isinstance(partner, dict) else None
+        robots += there if isinstance(there, list) else []
+    groups = data.get("groups")
+    places = data.get("places")
+    names = [str(name) for name in (*robots, *(groups if isinstance(groups, dict) else ()))]
+    site = data.get("site")
+    on_earth = isinstance(site, dict) and site.get("origin") is not None
+    events = data.get("events")
+    return Known(
+        names,
+        list(places) if isinstance(places, dict) else [],
+        on_earth=on_earth,
+        events=events_of(events if isinstance(events, list) else ()),
+    )

@@ -1,0 +1,98 @@
+"""What a run would ask of a robot, against its fence and limits: refused before anything moves."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import msgspec
+
+from fleet.config.load import Loaded
+from fleet.config.places import places_of
+from fleet.errors import Refused
+from fleet.host.safety.fence import Fence
+from fleet.missions.points import SiteMap
+from fleet.missions.program import Act
+from fleet.model.geodesy import GeoOrigin, GeoPoint, world_from_geo
+from fleet.model.geometry import Vector3
+from fleet.model.polygon import Polygon
+from fleet.model.site import Placement
+from fleet.model.state import RobotState
+from fleet.robot_config import AdapterConfig, FenceConfig, Limits
+
+
+class WayCheck(msgspec.Struct, frozen=True):
+    """Checks what one robot is to do. A robot of the site is placed there by now; its home is its origin."""
+
+    config: AdapterConfig
+    site: SiteMap
+
+    def trouble(self, act: Act, state: RobotState) -> str:
+        """Return why a robot must not do something; empty when nothing is known against it."""
+        try:
+            if act.verb == "goto":
+                return self._way([act.value], state)
+            if act.verb == "path":
+                return self._way(act.value, state)
+        except Refused as error:
+            return error.reason
+        highest, altitude = self.config.limits.altitude, act.data.get("altitude")
+        too_high = highest is not None and isinstance(altitude, int | float) and altitude > highest
+        if act.value == "takeoff" and too_high:
+            return f"{altitude:g} m above home, the limit is {highest:g} m"
+        return ""
+
+    def _way(self, points: list[object], state: RobotState) -> str:
+        """Return what is against a way; raises Refused for a point that the robot could not be told."""
+        for point in points:
+            self.site.position(point, state)
+        fence = self._fence(state.placement) if state.placement is not None else None
+        if fence is None or state.placement is None:
+            return ""
+        way = [self._in_world(point, state.placement, state) for point in points]
+        return fence.way_trouble(way[0], way, Vector3())
+
+    def _in_world(self, value: object, placement: Placement, state: RobotState) -> Vector3:
+        """Return a point in the robot's world; a height that is not given is its own."""
+        point, height = self.site.site_point(value), self.site.height(value)
+        z = point[2] if len(point) > 2 else state.site.z if state.site is not None else 0.0
+        world = placement.to_world(Vector3(point[0], point[1], z))
+        return world if height is None else Vector3(world.x, world.y, height)
+
+    def _fence(self, placement: Placement) -> Fence | None:
+        """Return the fence in the robot's world; None while nobody can tell where it is."""
+        config, limits = self.config.fence or FenceConfig(), self.config.limits
+        origin = self.site.origin
+        if config.frame == "geodetic" and origin is None:
+            return None
+        if self.config.origin is not None:
+            limits = Limits()  # they count from its home, which is not its origin
+        inclusion, exclusion = (
+            tuple(_placed(polygon, config, origin, placement) for polygon in polygons)
+            for polygons in (config.inclusion, config.exclusion)
+        )
+        return Fence(inclusion, exclusion, limits.altitude, limits.distance, config.margin)
+
+
+def _placed(polygon: Polygon, config: FenceConfig, origin: GeoOrigin | None, placement: Placement) -> Polygon:
+    """Return the corners of a polygon in the robot's world."""
+    if config.frame == "world" or origin is None:
+        return polygon
+    corners = [world_from_geo(origin, GeoPoint(*corner, origin.altitude)) for corner in polygon]
+    return tuple((corner.x, corner.y) for corner in map(placement.to_world, corners))
+
+
+class MissionWays:
+    """The ways of an edge's robots; those of other edges are checked there. ``state_of``: a robot now."""
+
+    def __init__(self, loaded: Loaded, state_of: Callable[[str], RobotState]) -> None:
+        origin = loaded.config.site.origin
+        self.site = SiteMap(
+            places_of(loaded.config.places), GeoOrigin(*origin) if origin is not None else None
+        )
+        self.state_of = state_of
+        self._checks = {robot.name: WayCheck(robot, self.site) for robot, _ in loaded.robots}
+
+    def hindrance(self, robot: str, act: Act) -> str:
+        """Return why a robot must not do something; empty when nothing is known against it."""
+        check = self._checks.get(robot)
+        return check.trouble(act, self.state_of(robot)) if check is not None else ""

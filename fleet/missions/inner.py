@@ -1,0 +1,66 @@
+"""The missions within the mission of one run: which are under way, since when, and how each is left off."""
+
+from __future__ import annotations
+
+from fleet.missions.program import Enter, Leave, Program
+from fleet.missions.run_robots import RunRobots
+from fleet.missions.state import GOING_ON, Head, Phase
+
+HELD = ("restart", "resume")
+"""Questions whose answer decides whether anything goes on: nothing else may move the run on meanwhile."""
+
+
+class InnerMissions:
+    """The missions within one run; ``head`` says where the run is."""
+
+    def __init__(self, program: Program, head: Head, robots: RunRobots) -> None:
+        self._head = head
+        self._robots = robots
+        self._all = [(at, step) for at, step in enumerate(program.steps) if isinstance(step, Enter)]
+
+    def under_way(self) -> list[tuple[int, Enter]]:
+        """Return those that are under way with the index of their beginning, the outermost first."""
+        return [(at, step) for at, step in self._all if at < self._head.at < step.end - 1]
+
+    def enter(self, step: Enter, now: float) -> None:
+        """Note that one begins, at the index where the run is."""
+        self._robots.note(f"The mission {step.mission} begins", step=step.id)
+        self._head.entered[str(self._head.at)] = now
+
+    def leave(self, step: Leave) -> None:
+        """Note that one is over; one that failed was left off before."""
+        if self._head.entered.pop(str(step.enter), None) is not None:
+            name = next(each.mission for at, each in self._all if at == step.enter)
+            self._robots.note(f"The mission {name} is completed", step=step.id)
+
+    def late(self, now: float) -> tuple[int, Enter] | None:
+        """Return one whose deadline is over; None while a person has the run, which is not moved on then."""
+        head = self._head
+        if head.phase not in GOING_ON or head.phase is Phase.PAUSED or self._is_held():
+            return None
+        for at, step in self.under_way():
+            began = head.entered.get(str(at), now)
+            if step.deadline is not None and now - began >= step.deadline:
+                return at, step
+        return None
+
+    def leave_off(self, at: int, inner: Enter) -> None:
+        """Go to the end of one that failed, where its robots are made safe before the run goes on."""
+        head = self._head
+        for index, _ in self.under_way():
+            if index >= at:
+                head.entered.pop(str(index), None)
+        head.at = inner.end - 1
+        head.serial += 1
+        if self._is_held():
+            head.paused_from = Phase.STEP
+            return
+        head.question = None
+        if head.phase is Phase.PAUSED:
+            head.paused_from = Phase.STEP
+        else:
+            head.phase = Phase.STEP
+
+    def _is_held(self) -> bool:
+        """Return whether a person is asked whether anything goes on."""
+        return self._head.question is not None and self._head.question.about in HELD

@@ -1,0 +1,128 @@
+"""What follows when a run loses a robot: it is made safe, and the mission goes on, asks, or fails.
+
+A mission within the mission fails for its own robots alone; the step that carries it says what follows.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Literal
+
+from fleet.missions.ending import Ending
+from fleet.missions.inner import InnerMissions
+from fleet.missions.program import Act, Do, Enter, Program
+from fleet.missions.run_robots import RunRobots
+from fleet.missions.state import GOING_ON, Head, Outcome, Phase, Question, instruction_of, step_name
+
+ANSWERED_WITHIN = 600.0  # s for questions that the engine itself asks
+Then = Literal["continue", "wait", "fail"]
+
+
+class Losses:
+    """The losses of one run; ``now`` is the time of the event, ``look`` sees whether the step is over."""
+
+    def __init__(
+        self,
+        program: Program,
+        head: Head,
+        robots: RunRobots,
+        inner: InnerMissions,
+        *,
+        ending: Ending,
+        look: Callable[[], None],
+    ) -> None:
+        self._program = program
+        self._head = head
+        self._robots = robots
+        self._inner = inner
+        self._ending = ending
+        self._look = look
+        self.now = 0.0
+
+    def lose(self, robot: str, outcome: Outcome, reason: str) -> None:
+        """Take a robot out of the run, make it safe, and see whether the run can go on."""
+        if not self._robots.lose(robot, outcome, reason, self.now) or self._head.phase not in GOING_ON:
+            return
+        step = instruction_of(self._program, self._head)
+        doing = step if isinstance(step, Do) else None
+        self._make_safe(robot, doing.failed_do if doing is not None else "hold")
+        then: Then = doing.failed_then if doing is not None else "continue"
+        self._follow(f"{robot}: {outcome}: {reason}", then)
+
+    def fail(self, reason: str) -> None:
+        """End the mission that is under way as failed: the innermost, or the run itself."""
+        inner = self._inner.under_way()
+        if inner:
+            self._fail_mission(*inner[-1], reason)
+        else:
+            self._ending.fail(reason, self.now)
+
+    def time_passes(self) -> None:
+        """End a mission within the mission whose deadline is over."""
+        late = self._inner.late(self.now)
+        if late is not None:
+            at, inner = late
+            self._fail_mission(at, inner, f"its deadline of {inner.deadline:g} s is over")
+
+    def ask(self, text: str, about: Literal["robot", "restart", "resume"]) -> None:
+        """Put a question of the engine's own; without an answer the run is aborted."""
+        put(
+            self._head,
+            self._robots,
+            step_name(self._program, self._head),
+            text,
+            until=self.now + ANSWERED_WITHIN,
+            about=about,
+        )
+
+    def _fail_mission(self, at: int, inner: Enter, reason: str) -> None:
+        """End a mission within the mission: its robots have failed in the step that carries it."""
+        why = f"mission {inner.mission} failed: {reason}"
+        self._robots.note(f"The {why}", step=inner.id)
+        self._inner.leave_off(at, inner)
+        for member in self._robots.within([inner.role]):
+            self._robots.lose(member.robot, Outcome.FAILED, why, self.now)
+            self._make_safe(member.robot, inner.failed_do)
+        self._follow(why, inner.failed_then)
+        self._look()
+
+    def _make_safe(self, robot: str, how: str) -> None:
+        """Bring a robot that is out to a standstill, or let it do what the step says instead."""
+        name = step_name(self._program, self._head)
+        if how == "hold":
+            self._robots.halt(name, robot, self.now)
+        else:
+            self._robots.begin(name, robot, Act("command", how), "secure", self.now)
+
+    def _follow(self, why: str, then: Then) -> None:
+        """See whether the run, and each mission within it that is under way, can go on without a robot."""
+        shortage = self._robots.shortage(self._program.quorum, with_spares=True)
+        if shortage:
+            self._ending.fail(f"{why}; {shortage}", self.now)
+            return
+        for at, step in self._inner.under_way():
+            shortage = self._robots.shortage(step.quorum)
+            if shortage:
+                self._fail_mission(at, step, f"{why}; {shortage}")
+                return
+        if then == "fail":
+            self.fail(why)
+        elif then == "wait" and self._head.phase is Phase.STEP:
+            self._head.phase = Phase.ASKING
+            self.ask(f"{why}. Go on without it?", "robot")
+
+
+def put(
+    head: Head,
+    robots: RunRobots,
+    step: str,
+    text: str,
+    *,
+    until: float,
+    about: Literal["step", "robot", "restart", "resume"] = "step",
+    on_timeout: Literal["continue", "abort", "fail"] = "abort",
+) -> None:
+    """Put a question to a person; without an answer ``until`` then, ``on_timeout`` says what follows."""
+    head.questions += 1
+    head.question = Question(head.questions, text, until, on_timeout, about)
+    robots.note(f"A person is asked: {text}", step=step)

@@ -1,0 +1,128 @@
+"""The places of all runs of an edge: taken before a run begins, given back at its end.
+
+After a restart the runs that had their places have them again, before any other run can ask.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Mapping
+
+from fleet.clock import Clock
+from fleet.errors import Refused
+from fleet.missions.program import Program
+from fleet.missions.run import Run
+from fleet.missions.state import Head, Occupied, Phase
+from fleet.missions.store import Kept
+from fleet.model.occupancy import Claim, Occupancy, Settled, Verdict
+from fleet.model.place import Place
+
+
+class RunPlaces:
+    """Who has which places. ``run_of``: a run under way by its id, None for one that is not."""
+
+    def __init__(
+        self, places: Mapping[str, Place], run_of: Callable[[str], Run | None], clock: Clock
+    ) -> None:
+        self._capacities = {name: place.capacity for name, place in places.items()}
+        self._occupancy = Occupancy(self._capacities)
+        self._run_of = run_of
+        self._clock = clock
+        self._missions: dict[str, str] = {}
+
+    def require(self, program: Program) -> None:
+        """Raise Refused for places that no run could ever have."""
+        trouble = self._occupancy.trouble(_wanted(program))
+        if trouble:
+            raise Refused(f"occupies: {trouble}")
+
+    def is_full(self, place: str) -> bool:
+        """Return whether a run that asks now for a place would have to wait for it."""
+        return self._occupancy.is_full(place)
+
+    def occupy(self, run: Run) -> None:
+        """Take the places of a run, or let it wait for them; tells it, and whoever waits behind it."""
+        self._missions[run.id] = run.about.mission
+        claim = self._occupancy.claim_of(run.id)
+        if claim is not None and claim.complete:
+            run.take(Occupied())
+        elif claim is None:
+            self._ask(run.id, run.engine.program, run.engine.head.until - run.now)
+        self._tell_who_waits()
+
+    def give_back(self, run: Run) -> None:
+        """Take back the places of a run, and tell whoever gets them."""
+        self._settle(self._occupancy.give_back(run.id, now=self._clock.monotonic()))
+        self._missions.pop(run.id, None)
+        self._tell_who_waits()
+
+    def turn(self) -> None:
+        """End the waits that took too long; again and again."""
+        settled = self._occupancy.look(now=self._clock.monotonic())
+        if settled:
+            self._settle(settled)
+            self._tell_who_waits()
+
+    def take_up(self, runs: Iterable[Kept]) -> None:
+        """Give the runs of an earlier process back what they had; those that waited wait again."""
+        found = sorted(runs, key=lambda kept: kept.about.started)
+        self._missions = {kept.about.run: kept.about.mission for kept in found}
+        held = [
+            Claim(kept.about.run, wanted, math.inf, len(wanted))
+            for kept in found
+            if not _waits(kept.head) and (wanted := tuple(sorted(_wanted(kept.program).items())))
+        ]
+        self._occupancy = Occupancy(self._capacities, held)
+        for kept in found:
+            if _waits(kept.head):
+                away = max(0.0, self._clock.time() - kept.stamp)
+                self._ask(kept.about.run, kept.program, kept.head.until - kept.elapsed - away)
+
+    def _ask(self, run: str, program: Program, within: float) -> None:
+        """Ask for the places of a run."""
+        now = self._clock.monotonic()
+        try:
+            self._settle(self._occupancy.ask(run, _wanted(program), now=now, within=within))
+        except ValueError as error:  # fleet.yaml has changed since it was started
+            self._tell(run, Occupied(late=f"occupies: {error}"))
+
+    def _settle(self, settled: Iterable[Settled]) -> None:
+        """Tell runs that wait no longer."""
+        for each in settled:
+            if each.verdict is Verdict.GRANTED:
+                self._tell(each.holder, Occupied())
+            else:
+                late = f"{each.place} did not become free in time: {self._names(each.held_by)} it"
+                self._tell(each.holder, Occupied(late=late))
+
+    def _tell_who_waits(self) -> None:
+        """Tell runs that wait for what, and for whom, where that has changed."""
+        for claim in self._occupancy.claims:
+            if claim.next is None:
+                continue
+            place = claim.next[0]
+            words = f"{place}, which {self._names(self._occupancy.held(place))}"
+            run = self._run_of(claim.holder)
+            if run is not None and run.engine.head.waits_for != words:
+                run.take(Occupied(words))
+
+    def _names(self, holders: Iterable[str]) -> str:
+        """Return who has a place."""
+        named = [f"run {run} of {self._missions.get(run, 'a mission')}" for run in holders]
+        return f"{' and '.join(named) or 'another run'} has"
+
+    def _tell(self, run: str, event: Occupied) -> None:
+        """Tell a run; one that is not under way yet asks again when it is."""
+        found = self._run_of(run)
+        if found is not None:
+            found.take(event)
+
+
+def _wanted(program: Program) -> dict[str, int]:
+    """Return the places of a mission: one of each."""
+    return dict.fromkeys(program.occupies, 1)
+
+
+def _waits(head: Head) -> bool:
+    """Return whether a run has not got its places yet."""
+    return Phase.OCCUPYING in (head.phase, head.paused_from if head.phase is Phase.PAUSED else head.phase)

@@ -1,0 +1,91 @@
+"""The step of one run whose robots begin together: each is prepared, then all are told one instant."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Any, Protocol
+
+from fleet.missions.state import Event, NotStarted, Part, Phase, Prepared
+from fleet.model.command import Reply, Transport
+from fleet.wire.rules import Kind
+
+
+class Together(Protocol):
+    """A start of several robots at one instant; what it calls back is called on the event loop."""
+
+    def prepare(
+        self,
+        robot: str,
+        kind: Kind,
+        payload: bytes,
+        *,
+        way: Transport,
+        identity: str,
+        heard: Callable[[Reply], None],
+    ) -> None:
+        """Ask a robot to prepare; ``heard`` gets whether it is, and later how what is begun goes on."""
+
+    def begin(self, robots: Sequence[str], failed: Callable[[str], None]) -> None:
+        """Let all begin at one instant; ``failed`` hears why nobody does."""
+
+    def withdraw(self) -> None:
+        """Take back what has not begun."""
+
+
+class TogetherStep:
+    """Prepares and begins such steps. ``take`` takes events, ``replied`` what became of an identity."""
+
+    def __init__(
+        self,
+        new: Callable[[], Together],
+        way: Transport,
+        *,
+        payload: Callable[[dict[str, Any]], bytes],
+        take: Callable[[Event], None],
+        replied: Callable[[str, Reply], None],
+    ) -> None:
+        self._new = new
+        self._way = way
+        self._payload = payload
+        self._take = take
+        self._replied = replied
+        self._start: Together | None = None
+        self._step = ""
+
+    def prepare(self, robot: str, kind: Kind, message: dict[str, Any], identity: str) -> None:
+        """Ask a robot to prepare what it is to begin; the first answer says whether it is."""
+        first = True
+
+        def heard(reply: Reply) -> None:
+            nonlocal first
+            if first:
+                first = False
+                self._take(Prepared(robot, "" if reply.ok else reply.reason or "it refused"))
+            else:
+                self._replied(identity, reply)
+
+        step = identity.rsplit("/", 2)[0]
+        if self._start is None or self._step != step:
+            self._start, self._step = self._new(), step
+        payload = self._payload(message)
+        self._start.prepare(robot, kind, payload, way=self._way, identity=identity, heard=heard)
+
+    def begin(self, step: str, parts: tuple[Part, ...]) -> None:
+        """Let robots begin that are prepared and recorded, unless one of them is out meanwhile."""
+        if self._start is not None and all(part.inflight for part in parts):
+            robots = [part.robot for part in parts]
+            self._start.begin(robots, lambda why: self._take(NotStarted(step, why)))
+            return
+        self.withdraw()
+        self._take(NotStarted(step, "a robot left the run meanwhile"))
+
+    def follow(self, phase: Phase) -> None:
+        """Take back what has not begun when the run leaves the step."""
+        if phase not in (Phase.PREPARING, Phase.STEP):
+            self.withdraw()
+
+    def withdraw(self) -> None:
+        """Take back what has not begun."""
+        start, self._start = self._start, None
+        if start is not None:
+            start.withdraw()

@@ -1,0 +1,58 @@
+"""The common start of a rehearsal: one process, one clock, so that all begin in the same simulated moment."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+
+from fleet.errors import WireError
+from fleet.host.robot.dry_run import against
+from fleet.host.robot.local_robot import LocalRobot
+from fleet.model.command import Command, Reply, ReplyStatus, Request, Transport
+from fleet.model.navigation import Navigate
+from fleet.wire.rules import Kind
+
+
+class SimulatedStart:
+    """Prepares simulated robots, and lets them begin at once."""
+
+    def __init__(self, robots: Mapping[str, LocalRobot], soon: Callable[[Callable[[], None]], None]) -> None:
+        self._robots = robots
+        self._soon = soon
+        self._prepared: dict[str, tuple[Request, Callable[[Reply], None]]] = {}
+
+    def prepare(
+        self,
+        robot: str,
+        kind: Kind,
+        payload: bytes,
+        *,
+        way: Transport,
+        identity: str,
+        heard: Callable[[Reply], None],
+    ) -> None:
+        """Find out whether a robot could begin; ``heard`` gets that, and later how what is begun goes on."""
+        found = self._robots[robot]
+        request = found.read(kind, payload, way=way, request_id=identity, waits=True)
+        try:
+            ask = found.ask_of(kind, payload, way=way, request_id=identity)
+            if isinstance(ask, Command | Navigate):
+                trouble = against(found.controller, ask, found.spec_of(ask.name))
+            else:
+                trouble = "a velocity is not started together"
+        except WireError as error:
+            trouble = str(error)
+        if request is not None and not trouble:
+            self._prepared[robot] = request, heard
+        status = ReplyStatus.REJECTED if trouble else ReplyStatus.ACCEPTED
+        self._soon(lambda: heard(Reply(kind, status, trouble)))
+
+    def begin(self, robots: Sequence[str], failed: Callable[[str], None]) -> None:  # noqa: ARG002 - the protocol
+        """Let all begin at one instant."""
+        prepared, self._prepared = self._prepared, {}
+        for robot in robots:
+            request, heard = prepared[robot]
+            request(heard)
+
+    def withdraw(self) -> None:
+        """Take back what has not begun."""
+        self._prepared = {}
