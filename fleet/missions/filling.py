@@ -1,4 +1,4 @@
-"""Who would fill the roles of a mission now, and which runs are in its way."""
+"""Who would fill the roles of a mission now, which runs are in its way, and what people are shown of it."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from fleet.config.missions import Mission
 from fleet.errors import Refused
 from fleet.missions.program import Do, Program
 from fleet.missions.rehearsal import Point
-from fleet.missions.report import StartAsk
+from fleet.missions.report import MissionState, StartAsk
 from fleet.missions.roles import Candidate, filled, is_meant, runs_in_the_way
 from fleet.missions.run import Run
 
@@ -104,3 +104,25 @@ def needs_of(program: Program) -> dict[str, frozenset[str]]:
                 for name in needs if role == "all" else (role,):
                     needs[name] |= words
     return {role: frozenset(words) for role, words in needs.items()}
+
+
+def mission_state(mission: Mission, edge: str) -> MissionState:
+    """Return what people are shown of a mission."""
+    config = mission.config
+    return MissionState(
+        mission.name,
+        edge,
+        config.summary,
+        {name: _words(each.type, each.unit, each.default) for name, each in config.inputs.items()},
+        {
+            name: f"{role.count.min} to {role.count.max} of {role.from_ or 'any'}"
+            for name, role in config.roles.items()
+        },
+        tuple(step.id for step in config.steps),
+    )
+
+
+def _words(kind: str, unit: str, default: object) -> str:
+    """Return an input in words."""
+    words = f"{kind} {unit}".strip()
+    return words if default is None else f"{words}, {default} when left out"

@@ -7,7 +7,6 @@ from typing import Any, Literal
 
 import msgspec
 
-from fleet.config.missions import Mission
 from fleet.missions.engine import Engine
 from fleet.missions.state import Head, Member, Part
 from fleet.missions.store import About
@@ -163,25 +162,3 @@ def _robot(member: Member, doing: str, parts: Iterable[Part]) -> RunRobot:
     outcome = member.outcome.value if member.outcome else ""
     lane = tuple(f"{part.act.words} {part.outcome or '...'}" for part in parts)
     return RunRobot(member.robot, member.role, doing, member.within, outcome, member.reason, lane)
-
-
-def mission_state(mission: Mission, edge: str) -> MissionState:
-    """Return what people are shown of a mission."""
-    config = mission.config
-    return MissionState(
-        mission.name,
-        edge,
-        config.summary,
-        {name: _words(each.type, each.unit, each.default) for name, each in config.inputs.items()},
-        {
-            name: f"{role.count.min} to {role.count.max} of {role.from_ or 'any'}"
-            for name, role in config.roles.items()
-        },
-        tuple(step.id for step in config.steps),
-    )
-
-
-def _words(kind: str, unit: str, default: object) -> str:
-    """Return an input in words."""
-    words = f"{kind} {unit}".strip()
-    return words if default is None else f"{words}, {default} when left out"
