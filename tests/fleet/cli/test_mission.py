@@ -136,7 +136,7 @@ def test_on_a_terminal_runs_are_followed_until_they_have_ended(terminal, yard):
     shown = terminal("mission", "ps")
     shown.reads("arm done > takeoff ...")
     yard.runs = [msgspec.structs.replace(state(), step="down.2")]
-    shown.reads("down.2")
+    shown.reads("carries out step down")
     yard.runs = []
     shown.reads("no run is under way")
     assert shown.ended() == 0
