@@ -35,6 +35,11 @@ _ENDS: Mapping[Outcome, str] = MappingProxyType(
 NOT_OURS = frozenset({Outcome.LOST, Outcome.TAKEN, Outcome.STOPPED})
 
 
+def first_identity(run: str, step: str, robot: str) -> str:
+    """Return the identity of what a robot first does for a step of a run."""
+    return f"{run}/{step}/{robot}/1"
+
+
 class RunRobots:
     """Members by robot, parts by identity; ``effects`` collects what follows, ``touched`` what changed."""
 
@@ -97,10 +102,6 @@ class RunRobots:
     def parts_of(self, step: str) -> list[Part]:
         """Return what robots did, or do, for one begun step."""
         return [part for part in self.parts.values() if part.step == step and part.kind == "do"]
-
-    def identity(self, step: str, robot: str) -> str:
-        """Return the identity of what a robot first does for a step."""
-        return f"{self.run}/{step}/{robot}/1"
 
     def begin_together(self, step: str, acts: Iterable[tuple[str, Act]], now: float) -> None:
         """Begin parts of robots that are prepared, and that are ours, at one instant."""

@@ -19,7 +19,7 @@ from fleet.missions.program import (
     Wait,
     WaitFor,
 )
-from fleet.missions.run_robots import RunRobots
+from fleet.missions.run_robots import RunRobots, first_identity
 from fleet.missions.spares import ENLISTED_WITHIN, Spares
 from fleet.missions.state import (
     GOING_ON,
@@ -253,7 +253,7 @@ class Steps:
         self.head.phase, self.head.until = Phase.PREPARING, self.losses.now + PREPARED_WITHIN
         self._unprepared = {robot for robot, _ in acts}
         self.robots.effects += [
-            Prepare(robot, act, self.robots.identity(self.name, robot)) for robot, act in acts
+            Prepare(robot, act, first_identity(self.robots.run, self.name, robot)) for robot, act in acts
         ]
         return True
 
