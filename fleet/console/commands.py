@@ -30,6 +30,7 @@ from fleet.wire.goals import GotoTarget, goals
 from fleet.wire.rules import Kind
 
 END_WITHIN = 300.0  # s for a command to be seen carried out
+SHOWN = 30  # events of a robot
 HISTORY_WITHIN = 5.0  # s for what an edge reads from its disk
 
 Prepared = tuple[RobotState, Kind, Mapping[str, object]]
@@ -105,21 +106,35 @@ async def send(prepared: Prepared, lane: ZenohSession, operator: str, clock: Clo
 
 def causes(lanes: Iterable[ZenohSession], robots: list[RobotState]) -> dict[str, dict[str, object]]:
     """Return who set the stop of each robot, when and why, by identity; blocks."""
-    asked = msgspec.json.encode(EventFilter(tuple({robot.name for robot in robots}), 0.0, MOST))
+    names = tuple({robot.name for robot in robots})
+    found = stop_causes(_records(lanes, "*", EventFilter(names, 0.0, MOST)))
+    return {id_of(edge, name): _shown(record) for (edge, name), record in found.items()}
+
+
+def history(lanes: Iterable[ZenohSession], robot: str) -> list[dict[str, object]]:
+    """Return what happened to a robot lately, the newest first; blocks."""
+    edge, _, name = robot.rpartition("/")
+    found = _records(lanes, edge, EventFilter((name,), 0.0, SHOWN))
+    return [_shown(record) | {"kind": record.kind.value, "text": record.text} for record in reversed(found)]
+
+
+def _records(lanes: Iterable[ZenohSession], edge: str, wanted: EventFilter) -> list[Record]:
+    """Return the events that edges have, each once, the oldest first; blocks."""
     found: list[Record] = []
     for lane in lanes:
-        for key, data in lane.ask(keys.history("*"), asked, timeout=HISTORY_WITHIN):
-            edge = key.split("/")[1]
-            found += [msgspec.structs.replace(each, edge=edge) for each in decode_json(data, list[Record])]
-    ordered = newest(found, EventFilter(most=MOST))
+        for key, data in lane.ask(keys.history(edge), msgspec.json.encode(wanted), timeout=HISTORY_WITHIN):
+            told = key.split("/")[1]
+            found += [msgspec.structs.replace(each, edge=told) for each in decode_json(data, list[Record])]
+    return newest(found, wanted)
+
+
+def _shown(record: Record) -> dict[str, object]:
+    """Return who asked for an event, when and why, for a page."""
     return {
-        id_of(edge, name): {
-            "by": record.asker.name if record.asker else "",
-            "proven": bool(record.asker and record.asker.proven),
-            "at": record.stamp,
-            "why": str(record.data.get("reason") or record.text),
-        }
-        for (edge, name), record in stop_causes(ordered).items()
+        "by": record.asker.name if record.asker else "",
+        "proven": bool(record.asker and record.asker.proven),
+        "at": record.stamp,
+        "why": str(record.data.get("reason") or record.text),
     }
 
 

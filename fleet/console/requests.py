@@ -111,13 +111,22 @@ class CausesAsked(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_f
     robots: tuple[str, ...]
 
 
+class HistoryAsked(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field="ask", tag="history"):
+    """Tell what was asked of a robot lately, by whom, and what became of it."""
+
+    request: str
+    robot: str
+
+
 class PingAsked(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field="ask", tag="ping"):
     """Answer at once, with the same number: the page measures the way and back."""
 
     number: int
 
 
-Request = StopAsked | ReleaseAsked | GotoAsked | CommandAsked | CausesAsked | MissionAsked | RunAsked
+Request = (
+    StopAsked | ReleaseAsked | GotoAsked | CommandAsked | CausesAsked | HistoryAsked | MissionAsked | RunAsked
+)
 """What is answered by its request's name."""
 Asked = Request | DriveAsked | WatchAsked | PingAsked
 
@@ -125,6 +134,7 @@ _NEEDS: Mapping[type[object], Permission] = {
     StopAsked: Permission.VIEW,
     WatchAsked: Permission.VIEW,
     CausesAsked: Permission.VIEW,
+    HistoryAsked: Permission.VIEW,
     PingAsked: Permission.VIEW,
     ReleaseAsked: Permission.OPERATE,
     GotoAsked: Permission.OPERATE,

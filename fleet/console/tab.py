@@ -19,6 +19,7 @@ from fleet.console.requests import (
     CommandAsked,
     DriveAsked,
     GotoAsked,
+    HistoryAsked,
     MissionAsked,
     PingAsked,
     ReleaseAsked,
@@ -65,6 +66,7 @@ class Tab:
             GotoAsked: self._command,
             CommandAsked: self._command,
             CausesAsked: self._causes,
+            HistoryAsked: self._history,
             MissionAsked: self._mission,
             RunAsked: self._run,
         }
@@ -196,6 +198,12 @@ class Tab:
         lanes = list(self._hub.edges.lanes().values())
         found = await asyncio.to_thread(commands.causes, lanes, robots)
         await self._tell(asked.request, "", {"status": "accepted", "causes": found})
+
+    async def _history(self, asked: HistoryAsked) -> None:
+        """Tell what happened to a robot."""
+        lanes = list(self._hub.edges.lanes().values())
+        found = await asyncio.to_thread(commands.history, lanes, asked.robot)
+        await self._tell(asked.request, "", {"status": "accepted", "history": found})
 
     async def _mission(self, asked: MissionAsked) -> None:
         """Start a mission."""

@@ -1,4 +1,4 @@
-"""Who would fill the roles of a mission now, and which runs are in its way."""
+"""Who would fill the roles of a mission now, which runs are in its way, and what people are shown of it."""
 
 from __future__ import annotations
 
@@ -8,10 +8,11 @@ import msgspec
 
 from fleet.config.missions import Mission
 from fleet.errors import Refused
+from fleet.missions.grammar_words import role_words, step_words
 from fleet.missions.model import ALL, CountConfig, RoleConfig
 from fleet.missions.program import Do, Program, RoleNeed
 from fleet.missions.rehearsal import Point
-from fleet.missions.report import StartAsk
+from fleet.missions.report import MissionState, StartAsk
 from fleet.missions.roles import Candidate, filled, is_meant, runs_in_the_way, spare_of, spares
 from fleet.missions.run import Run
 from fleet.missions.state import Member
@@ -170,3 +171,22 @@ def needs_of(program: Program) -> dict[str, frozenset[str]]:
             for name in roles_of(inner.carrier, needs):
                 needs[name] |= needs[next(iter(inner.roles))]
     return {role: frozenset(words) for role, words in needs.items()}
+
+
+def mission_state(mission: Mission, edge: str) -> MissionState:
+    """Return what people are shown of a mission."""
+    config = mission.config
+    return MissionState(
+        mission.name,
+        edge,
+        config.summary,
+        {name: _words(each.type, each.unit, each.default) for name, each in config.inputs.items()},
+        {name: role_words(role) for name, role in config.roles.items()},
+        tuple(map(step_words, config.steps)),
+    )
+
+
+def _words(kind: str, unit: str, default: object) -> str:
+    """Return an input in words."""
+    words = f"{kind} {unit}".strip()
+    return words if default is None else f"{words}, {default} when left out"

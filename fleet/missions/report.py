@@ -7,9 +7,7 @@ from typing import Any, Literal
 
 import msgspec
 
-from fleet.config.missions import Mission
 from fleet.missions.engine import Engine
-from fleet.missions.grammar_words import role_words, step_words
 from fleet.missions.state import Head, Member, Part
 from fleet.missions.store import About
 
@@ -168,22 +166,3 @@ def _robot(member: Member, doing: str, parts: Iterable[Part]) -> RunRobot:
     doing = "spare" if member.spare else doing
     lane = tuple(f"{part.act.words} {part.outcome or '...'}" for part in parts)
     return RunRobot(member.robot, member.role, doing, member.within, outcome, member.reason, lane)
-
-
-def mission_state(mission: Mission, edge: str) -> MissionState:
-    """Return what people are shown of a mission."""
-    config = mission.config
-    return MissionState(
-        mission.name,
-        edge,
-        config.summary,
-        {name: _words(each.type, each.unit, each.default) for name, each in config.inputs.items()},
-        {name: role_words(role) for name, role in config.roles.items()},
-        tuple(map(step_words, config.steps)),
-    )
-
-
-def _words(kind: str, unit: str, default: object) -> str:
-    """Return an input in words."""
-    words = f"{kind} {unit}".strip()
-    return words if default is None else f"{words}, {default} when left out"

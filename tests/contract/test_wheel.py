@@ -35,5 +35,11 @@ def test_the_wheel_holds_what_adapter_authors_test_with(root, shipped):
     assert held == {path.name for path in (root / "fleet" / "testing").glob("*.py")}
 
 
+def test_the_wheel_holds_the_page_of_the_console(root, shipped):
+    page = {path.relative_to(root).as_posix() for path in (root / "fleet/console/static").iterdir()}
+    assert "fleet/console/static/index.html" in page
+    assert page <= set(shipped)
+
+
 def test_the_wheel_carries_the_licence(shipped):
     assert any(path.endswith(".dist-info/licenses/LICENSE") for path in shipped)

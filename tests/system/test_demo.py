@@ -84,7 +84,9 @@ def test_a_second_demo_says_how_to_start_it_and_runs_beside_the_first(fleet, ear
     second = fleet("demo", "--edge-id", "demo-2", "--json")
     other_port = int(second.line(r"MQTT broker +127.0.0.1:(\d+)")[1])
     assert other_port != port
-    well = second.robot("drone-1", "is well", lambda state: state["health"] == "ok")
+    well = second.robot(
+        "drone-1", "is well and placed", lambda state: state["health"] == "ok" and state.get("site")
+    )
     assert well["twin"] != first.states["drone-1"]["twin"]
     told = second.call("send", "demo-2/drone-1", "takeoff", "altitude=2", "--wait")
     assert told.returncode == 0, told

@@ -159,6 +159,23 @@ function commands(robot) {
   ];
 }
 
+// What was asked of the robot lately, by whom, and what became of it; asked for when somebody wants it.
+let past = { robot: "", events: null };
+function history(robot) {
+  const look = () => {
+    ask({ ask: "history", robot: robot.id }, (answer) => {
+      past = { robot: robot.id, events: answer.history || [] };
+      draw();
+    });
+  };
+  const events = past.robot === robot.id ? past.events : null;
+  const items = (events || []).map((event) =>
+    element("li", {}, element("time", {}, timeOfDay(event.at)), element("p", {}, event.text, event.by ? element("small", {}, ` ${event.by}${event.proven ? "" : " (claimed)"}`) : "")),
+  );
+  const none = events && !events.length ? element("p", { class: "dim" }, "Nothing is known.") : "";
+  return [element("h3", {}, "History"), element("button", { type: "button", onclick: look }, events ? "Look again" : "Show"), none, element("ul", { class: "history" }, ...items)];
+}
+
 function release(robots) {
   const names = robots.length === 1 ? label(robots[0]) : counted(robots.length, "robot");
   if (!releasing) {
@@ -242,7 +259,7 @@ function draw() {
   const chosen = [...store.selected].map((id) => store.robots[id]).filter(Boolean);
   const robot = chosen.length === 1 ? chosen[0] : null;
   const stopped = chosen.length ? chosen.filter((each) => each.emergency_stop) : stoppedRobots();
-  const told = robot && store.descriptions[robot.id];
+  const described = robot && store.descriptions[robot.id];
   const names = chosen.map((each) => [each.id, each.health, each.cause, each.emergency_stop, staleness(each)]);
   const make = robot ? () => title(robot) : chosen.length ? () => titleOfSeveral(chosen) : titleOfNobody;
   part("title", names, make);
@@ -252,10 +269,11 @@ function draw() {
   part("runs", alone && [store.runs, store.permission], () => (alone ? runs() : []));
   part("missions", alone && [store.missions, store.permission], () => (alone ? missions() : []));
   part("figures", robot && [robot, position(robot), store.poses[robot.id]], () => (robot ? [facts(robot)] : []));
-  const drives = robot && told?.drives && operates() ? told : null;
+  const drives = robot && described?.drives && operates() ? described : null;
   part("driving", drives && [robot.id, drives.limits], () => (drives ? [element("h3", {}, "Drive by hand"), padOf(robot, drives)] : noPad() || []));
   // While a form is open, nothing that is told replaces what is typed into it.
-  part("asking", robot && [robot.id, opened || told, robot.run, store.permission], () => (robot ? commands(robot) : []));
+  part("asking", robot && [robot.id, opened || described, robot.run, store.permission], () => (robot ? commands(robot) : []));
+  part("history", robot && [robot.id, past], () => (robot ? history(robot) : []));
 }
 
 export function startPanel() {

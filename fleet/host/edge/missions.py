@@ -30,6 +30,7 @@ from fleet.host.process.robot_process import RobotProcess
 from fleet.host.requests.stop_cause import StopCause
 from fleet.host.safety.source_policy import SourcePolicy
 from fleet.host.workers.remote_robot import RemoteRobot
+from fleet.missions.filling import mission_state
 from fleet.missions.report import (
     ControlAsk,
     Controlled,
@@ -37,7 +38,6 @@ from fleet.missions.report import (
     StartAsk,
     Started,
     ended_state,
-    mission_state,
 )
 from fleet.missions.results import EVERY as TRACK_EVERY
 from fleet.missions.roles import Candidate

@@ -96,7 +96,7 @@ def test_a_robot_that_does_not_answer_is_told_so_with_the_cause_that_is_known(co
     assert (answer["status"], answer["reason"]) == ("timeout", "its worker is gone")
 
 
-def test_who_stopped_a_robot_when_and_why_is_told(console, yard):
+def test_who_stopped_a_robot_when_and_why_and_its_history_are_told(console, yard):
     anna = Requester(Transport.LOCAL, "anna", proven=True)
     stopped = Record(
         5.0,
@@ -111,4 +111,8 @@ def test_who_stopped_a_robot_when_and_why_is_told(console, yard):
     with console.page() as page:
         page.ask("causes", request="r", robots=["yard-1/rex"])
         causes = page.answer("r")["causes"]
-    assert causes == {"yard-1/rex": {"by": "anna", "proven": True, "at": 5.0, "why": "smoke"}}
+        page.ask("history", request="h", robot="yard-1/rex")
+        (event,) = page.answer("h")["history"]
+    known = {"by": "anna", "proven": True, "at": 5.0, "why": "smoke"}
+    assert causes == {"yard-1/rex": known}
+    assert event == known | {"kind": "emergency_stop", "text": "emergency_stop asked"}

@@ -10,8 +10,10 @@ import yaml
 
 from fleet.config.load import load
 from fleet.console.sessions import Permission
-from fleet.model.command import Reply, ReplyStatus
+from fleet.history.record import Record
+from fleet.model.command import Reply, ReplyStatus, Transport
 from fleet.model.description import CommandDescription, ParameterDescription, RobotDescription
+from fleet.model.event import EventKind, Requester
 from fleet.model.geometry import Vector3
 from fleet.model.site import Placement
 from fleet.model.state import RobotState
@@ -257,6 +259,15 @@ def test_a_release_is_an_act_of_its_own_that_shows_who_stopped(open_page, yard):
     page.click("#robot .confirm button.release")
     wait_until("the release to be asked", lambda: asked)
     assert json.loads(asked[0].payload)["command"] == "release_emergency_stop"
+
+
+def test_the_history_of_a_robot_is_shown_when_it_is_asked_for(open_page, yard):
+    stopped = Record(5.0, "rex", EventKind.STOP, f"{SCRIPT} asked", asker=Requester(Transport.BUS, "bob"))
+    yard.tells("fleet/yard-1/history", [stopped])
+    page = open_page()
+    page.click(row(REX))
+    page.click("#robot .history button")
+    shows(page, "#robot ul.history", f"{SCRIPT} asked bob (claimed)")
 
 
 def test_who_may_only_view_is_offered_nothing_that_moves_and_may_stop(open_page, yard):
