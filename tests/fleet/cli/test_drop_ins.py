@@ -4,7 +4,7 @@ import json
 
 import pytest
 
-from fleet.client.edges import _of
+from fleet.client.edges import settings_of
 
 LEAVES = "import os\nos._exit(7)\n"
 
@@ -61,4 +61,4 @@ def test_a_drop_in_file_in_the_edges_own_process_is_told(fleet, with_robot):
 
 def test_who_only_wants_the_edges_address_asks_no_plugin(place, monkeypatch):
     monkeypatch.setattr("fleet.plugins.registry.Probe", lambda *_: pytest.fail("a plugin was asked"))
-    assert _of("fleet.yaml").edge == "yard-1"
+    assert settings_of("fleet.yaml").edge == "yard-1"

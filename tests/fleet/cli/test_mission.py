@@ -135,8 +135,8 @@ def test_missions_and_runs_are_shown(fleet, yard):
 def test_on_a_terminal_runs_are_followed_until_they_have_ended(terminal, yard):
     shown = terminal("mission", "ps")
     shown.reads("arm done > takeoff ...")
-    yard.runs = [msgspec.structs.replace(state(), step="step down")]
-    shown.reads("step down")
+    yard.runs = [msgspec.structs.replace(state(), step="down.2")]
+    shown.reads("carries out step down")
     yard.runs = []
     shown.reads("no run is under way")
     assert shown.ended() == 0
