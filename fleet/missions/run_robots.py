@@ -87,10 +87,6 @@ class RunRobots:
         found = ((each.robot, self.act_of(each, acts)) for each in self.within())
         return [(robot, act) for robot, act in found if act is not None]
 
-    def names(self, role: str) -> list[str]:
-        """Return the robots of a role, or of all, that still take part."""
-        return [each.robot for each in self.within(None if role == "all" else [role])]
-
     def ours(self) -> list[Member]:
         """Return the robots that may be commanded."""
         return [each for each in self.members.values() if each.ours]

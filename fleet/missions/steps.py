@@ -90,7 +90,7 @@ class Steps:
                 return
             self.head.serial += 1
             if step.only_if is not None and not self.seen.holds(
-                step.only_if, self.robots.names(step.only_if.role), 0.0
+                step.only_if, _names(self.robots, step.only_if.role), 0.0
             ):
                 self.robots.note("The step is skipped: its condition does not hold", step=self.name)
                 self.head.at = step.end if isinstance(step, Loop | Enter) else self.head.at + 1
@@ -168,7 +168,7 @@ class Steps:
         waits_for = step if isinstance(step, WaitFor) else None
         if waits_for is not None:
             condition = waits_for.condition
-            if self.seen.holds(condition, self.robots.names(condition.role), self._since):
+            if self.seen.holds(condition, _names(self.robots, condition.role), self._since):
                 self.next()
                 return
         if late and waits_for is not None and waits_for.fails:
@@ -205,7 +205,9 @@ class Steps:
         """Begin a repeat, or another round of it."""
         key = str(self.head.at)
         rounds = self.head.loops.get(key, 0)
-        over = step.until is not None and self.seen.holds(step.until, self.robots.names(step.until.role), 0.0)
+        over = step.until is not None and self.seen.holds(
+            step.until, _names(self.robots, step.until.role), 0.0
+        )
         if over or rounds >= step.times:
             self.head.loops.pop(key, None)
             self.head.at = step.end
@@ -295,3 +297,8 @@ def _is_through(step: Do, parts: list[Part], robots: RunRobots) -> bool:
         return bool(done)
     waits = any(part.inflight and robots.plays(part.robot, step.finish) for part in parts)
     return not waits and any(robots.plays(part.robot, step.finish) for part in done)
+
+
+def _names(robots: RunRobots, role: str) -> list[str]:
+    """Return the robots of a role, or of all, that still take part."""
+    return [each.robot for each in robots.within(None if role == "all" else [role])]

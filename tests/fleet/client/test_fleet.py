@@ -37,7 +37,7 @@ async def test_a_mission_is_started_and_followed(place):
 
     roles, last, end, log = await asyncio.to_thread(program)
     assert (roles, last, end.outcome) == ({"eye": ["rex"]}, "ended", "completed")
-    assert "walk begun" in [line.text for line in log]
+    assert "begins walk" in [line.text for line in log]
     assert place.words("rex").count("walk") == 1
 
 
