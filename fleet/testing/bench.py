@@ -18,7 +18,7 @@ from fleet.testing.operator import Operator
 from fleet.testing.probes import implausible
 from fleet.testing.robot import LoopRobot, RecordingRobot, serve
 
-BLOCKS = 0.25  # s for which the event loop may stand still; the dead-man fires after 0.5 s
+BLOCKS = 0.4  # s for which the event loop may stand still; the dead-man fires after 0.5 s
 ONLINE_WITHIN = 30.0  # s; a simulator may have to start first
 STEP = 0.05  # s between two looks at the robot
 FRESH = 0.5  # s; a robot that stands may report no pose
