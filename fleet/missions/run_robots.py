@@ -50,9 +50,10 @@ class RunRobots:
         self._active = {part.identity: part for part in self.parts.values() if part.inflight}
         in_order = sorted(self.parts.values(), key=lambda part: part.began)
         self._last = {part.robot: part for part in in_order if part.kind != "halt"}
-        self.lanes = {robot: deque[Part](maxlen=LANE) for robot in self.members}
-        for part in in_order:
-            self._enter(part)
+        self.lanes = {
+            robot: deque((part for part in in_order if part.robot == robot and part.kind != "halt"), LANE)
+            for robot in self.members
+        }
         self.effects: list[Effect] = []
         self.touched: dict[str, Part | Member] = {}
         self.halts = sum(part.kind == "halt" for part in self.parts.values())
@@ -123,18 +124,13 @@ class RunRobots:
             return
         part = Part(identity, step, robot, member.role, attempt, kind, act, now, now + act.timeout)
         self.parts[identity] = self._active[identity] = part
-        self._enter(part)
         if kind != "halt":
             self._last[robot] = part
+            self.lanes[robot].append(part)
         self.touched[identity] = part
         self.effects.append(Begin(part))
         if kind != "halt":
             self.note(f"begins {act.words}", robot, step)
-
-    def _enter(self, part: Part) -> None:
-        """Add a part to its robot's lane; halts are no part of the mission."""
-        if part.kind != "halt":
-            self.lanes[part.robot].append(part)
 
     def halt(self, step: str, robot: str, now: float) -> None:
         """Bring a robot that is ours to a standstill; once is enough while that is under way.
