@@ -116,7 +116,14 @@ class Ending:
         for part in self._robots.active():
             self._robots.end(part, Outcome.UNKNOWN, "the run ended", part.began)
         for member in self._robots.within():
-            member.outcome = Outcome.DONE if outcome.value.startswith("completed") else Outcome.SKIPPED
+            unseen = _unseen(self._robots, member.robot)
+            if not outcome.value.startswith("completed"):
+                member.outcome = Outcome.SKIPPED
+            elif not unseen:
+                member.outcome = Outcome.DONE
+            else:  # a person let the run go on, which does not make it known
+                member.outcome, member.reason = Outcome.UNKNOWN, f"nobody saw how step {unseen} ended"
+                outcome = RunOutcome.WITH_LOSSES
             self._robots.touched[f"member {member.robot}"] = member
         self._head.question = None
         self._head.outcome, self._head.reason = outcome, reason
@@ -161,3 +168,10 @@ class Ending:
     def _step(self) -> str:
         """The step that was under way."""
         return step_name(self._program, self._head)
+
+
+def _unseen(robots: RunRobots, robot: str) -> str:
+    """Return the step that a robot carried out last, when nobody knows how it ended; else empty."""
+    parts = [part for part in robots.parts.values() if part.robot == robot and part.kind == "do"]
+    newest = max(parts, key=lambda part: part.began, default=None)
+    return newest.step if newest is not None and newest.outcome is Outcome.UNKNOWN else ""

@@ -168,6 +168,15 @@ def test_edge_process_killed_within_a_step(play, policy):
     assert all(part.step.startswith("home") for part in run.engine.robots.active())
 
 
+def test_edge_process_killed_within_the_last_step(play):
+    run = restarted(play(do()))
+    run.stands(*EVERYBODY).take(Answer(1, goes_on=True, by="anna"))
+    assert run.ended is RunOutcome.WITH_LOSSES, "nobody saw that it was completed"
+    assert {(each.outcome, each.reason) for each in run.engine.robots.members.values()} == {
+        (Outcome.UNKNOWN, "nobody saw how step go.1 ended")
+    }
+
+
 def test_edge_process_killed_and_nobody_answers(play):
     run = restarted(play(do()))
     run.stands(*EVERYBODY).wait(601.0).stands(*EVERYBODY)
