@@ -22,8 +22,8 @@ class EdgeBuses:
     """The buses that are joined now, by edge, in ``joined``.
 
     ``edges`` are reached besides, or with ``only`` instead of, all that run on this computer. ``opened`` is
-    called in a thread with each bus that was joined, and may block. ``told`` hears, on the event loop, which
-    edge is joined, and of one that is not, why.
+    called in a thread with each edge and bus that was joined, and may block. ``told`` hears, on the event
+    loop, which edge is joined, and of one that is not, why.
     """
 
     def __init__(
@@ -33,7 +33,7 @@ class EdgeBuses:
         clock: Clock,
         *,
         only: bool,
-        opened: Callable[[Bus], None],
+        opened: Callable[[str, Bus], None],
         told: Callable[[str, str | None], None],
     ) -> None:
         self.joined: dict[str, Bus] = {}
@@ -98,6 +98,6 @@ class EdgeBuses:
         else:
             self.joined[edge] = bus
             self._told(edge, None)
-            await asyncio.to_thread(self._opened, bus)
+            await asyncio.to_thread(self._opened, edge, bus)
         finally:
             del self._joining[edge]

@@ -68,7 +68,7 @@ class EdgeConnections:
         """Show whether an edge is joined, and if not, why."""
         self._view.edge_is(edge, alive=problem is None, problem=problem or "", now=self._clock.monotonic())
 
-    def _opened(self, bus: Bus) -> None:
+    def _opened(self, _edge: str, bus: Bus) -> None:
         """Subscribe on an edge's bus, and ask for what was published before; blocks."""
         for key in (keys.state("*", "*"), keys.health("*"), keys.places("*", "*"), keys.run("*", "*")):
             bus.control.subscribe(key, self._arrived)
