@@ -57,9 +57,7 @@ def _recorded(path: Path) -> Recorded:
 def _begin(path: Path, otherwise: float) -> float:
     """Return when a file began, by its name."""
     try:
-        return (
-            datetime.strptime(path.name.partition("Z")[0], "%Y%m%dT%H%M%S.%f").replace(tzinfo=UTC).timestamp()
-        )
+        begin = datetime.strptime(path.name.partition("Z")[0] + "+0000", "%Y%m%dT%H%M%S.%f%z")
     except ValueError:
         return otherwise
     return begin.timestamp()
