@@ -13,7 +13,7 @@ from fleet.spool.state_folder import state_folder
 def folder_of(config: Sections) -> Path:
     """Return the folder into which the recorder of an edge records."""
     given = config.record.folder if config.record is not None else None
-    return given or state_folder(config.edge.id, config.edge.spool.path) / FOLDER
+    return (given or state_folder(config.edge.id, config.edge.spool.path) / FOLDER).absolute()
 
 
 def record_task(config: FleetConfig, wanted: RecordConfig) -> RecordTask:

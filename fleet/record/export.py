@@ -64,9 +64,9 @@ def _begin(path: Path, otherwise: float) -> float:
 
 
 def export(folder: Path, into: Path, *, since: float, until: float) -> int:
-    """Write what was received from ``since`` to ``until`` (Unix s) into a new file; returns its messages.
+    """Write what was received from ``since`` until before ``until`` (Unix s) into a new file.
 
-    The file is for this user alone, and has an index. Raises StateError when nothing was recorded then, or
+    Returns how many messages that are. The file is for this user alone, and has an index. Raises StateError when nothing was recorded then, or
     the file exists.
     """
     chosen = [file for file in recorded_in(folder) if file.ends >= since and file.begins <= until]
@@ -120,6 +120,6 @@ def _messages(
     for recorded in files:
         with Path(recorded.path).open("rb") as file:
             try:
-                yield from make_reader(file).iter_messages(start_time=start, end_time=end)
+                yield from make_reader(file).iter_messages(starting_at=start, ending_before=end)
             except _BROKEN:
                 continue

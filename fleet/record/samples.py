@@ -5,6 +5,8 @@ A report's key has the uuid of its twin alone; the state of a robot says which r
 
 from __future__ import annotations
 
+from typing import Any
+
 import msgspec
 
 from fleet.history.record import Record
@@ -55,8 +57,9 @@ class SampleReader:
         if kind == "runs":
             decode_json(payload, RunState)
             return [Message(topic.rpartition("/")[0], "fleet.RunState", payload)]
-        decode_json(payload, dict[str, object])
-        return [Message(topic, DOCUMENT, payload)]
+        document: object = decode_json(payload, Any)
+        is_object = isinstance(document, dict)
+        return [Message(topic, DOCUMENT, payload if is_object else _encode({"value": document}))]
 
     def _state(self, state: RobotState) -> list[Message]:
         """Return a robot's state, and where its world is in the site frame."""
