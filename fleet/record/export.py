@@ -66,8 +66,8 @@ def _begin(path: Path, otherwise: float) -> float:
 def export(folder: Path, into: Path, *, since: float, until: float) -> int:
     """Write what was received from ``since`` until before ``until`` (Unix s) into a new file.
 
-    Returns how many messages that are. The file is for this user alone, and has an index. Raises StateError when nothing was recorded then, or
-    the file exists.
+    Returns how many messages that are. The file is for this user alone, and has an index. Raises StateError
+    when nothing was recorded then, or the file exists.
     """
     chosen = [file for file in recorded_in(folder) if file.ends >= since and file.begins <= until]
     try:
