@@ -11,11 +11,11 @@ import click
 import msgspec
 
 from fleet.bus.settings import runtime_dir
-from fleet.cli.edges import settings_of
 from fleet.cli.options import reach_option
 from fleet.cli.output import ExitCode, Output, counted, with_output
 from fleet.cli.times import since as time_of
 from fleet.cli.times import since_option, when
+from fleet.client.edges import settings_of
 from fleet.clock import SystemClock
 from fleet.host.runtime.termination_signals import end_by_signal
 from fleet.record.child import EXTRA, is_installed
