@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from fleet.config.schema import FleetConfig, RecordConfig, Sections
+from fleet.config.programs import RecordConfig
+from fleet.config.schema import FleetConfig, Sections
 from fleet.host.process.component_settings import bus_settings
 from fleet.record.task import FOLDER, MIB, Bounds, RecordTask
 from fleet.spool.state_folder import state_folder
