@@ -17,7 +17,7 @@ from mcap.opcode import Opcode
 from mcap.records import DataEnd, Footer
 from mcap.writer import MCAP0_MAGIC, CompressionType, Writer
 
-from fleet.record.messages import Message
+from fleet.record.messages import LATEST, Message
 from fleet.record.schemas import schema_of
 from fleet.version import __version__
 
@@ -90,11 +90,17 @@ class RecordingFile:
         """Bytes of the file without the chunk in progress."""
         return self._output.tell()
 
+    @property
+    def topics(self) -> int:
+        """How many topics it has; MCAP has room for 65 535."""
+        return len(self._channels)
+
     def add(self, message: Message, received: int) -> None:
-        """Add a message that was received then (Unix ns)."""
+        """Add a message that was received then (Unix ns); its stamp counts where that is a time."""
         channel = self._channel(message.topic, message.schema)
         count = self._counts[channel] = self._counts[channel] + 1
-        published = received if message.stamp is None else max(0, round(message.stamp * 1e9))
+        stamp = message.stamp
+        published = round(stamp * 1e9) if stamp is not None and 0 <= stamp < LATEST else received
         self._writer.add_message(channel, received, message.payload, published, count)
 
     def _channel(self, topic: str, schema: str) -> int:

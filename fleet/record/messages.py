@@ -29,6 +29,8 @@ _LEVELS = MappingProxyType(
     {"DEBUG": 1, "INFO": 2, "WARNING": 3, "ERROR": 4, "CRITICAL": 5}
 )  # foxglove.LogLevel
 _APPROXIMATED, _UNKNOWN = 1, 0  # foxglove.PositionCovarianceType
+LATEST = 1.8e10
+"""Unix s that MCAP can hold in nanoseconds; a later stamp is no time."""
 _encode = msgspec.json.Encoder().encode
 
 
@@ -102,8 +104,8 @@ def _without_none(value: Any) -> Any:
 
 
 def _time(stamp: float) -> dict[str, int]:
-    """Return Unix seconds as Foxglove has them; what it cannot hold as 0."""
-    nanoseconds = max(0, round(stamp * 1e9)) if math.isfinite(stamp) else 0
+    """Return Unix seconds as Foxglove has them; a stamp that is no time as 0."""
+    nanoseconds = round(stamp * 1e9) if 0 <= stamp < LATEST else 0
     return {"sec": nanoseconds // 1_000_000_000, "nsec": nanoseconds % 1_000_000_000}
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import logging
+import threading
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
@@ -115,6 +116,7 @@ class _History:
         self._seen: dict[bytes, float] = {}
         self._asked: set[str] = set()
         self._until: dict[str, float] = {}
+        self._lock = threading.Lock()
 
     def ask(self, edge: str, control: ZenohSession) -> None:
         """Ask for the newest events, unless an answer is still awaited."""
@@ -138,8 +140,9 @@ class _History:
         except msgspec.DecodeError as error:
             log.warning("the history of %s cannot be read: %s", edge, error)
             return
-        marks = [(msgspec.json.encode((edge, event)), event) for event in events]
-        self._recorder.take_events(edge, [event for mark, event in marks if mark not in self._seen])
-        kept = {mark: at for mark, at in self._seen.items() if asked - at < 10 * OVERLAP}
-        self._seen = kept | dict.fromkeys((mark for mark, _ in marks), asked)
-        self._until[edge] = asked
+        with self._lock:
+            marks = [(msgspec.json.encode((edge, event)), event) for event in events]
+            self._recorder.take_events(edge, [event for mark, event in marks if mark not in self._seen])
+            kept = {mark: at for mark, at in self._seen.items() if asked - at < 10 * OVERLAP}
+            self._seen = kept | dict.fromkeys((mark for mark, _ in marks), asked)
+            self._until[edge] = asked

@@ -17,6 +17,7 @@ from fleet.record.task import MIB, Bounds
 log = logging.getLogger(__name__)
 
 SUFFIX = ".mcap"
+MOST_TOPICS = 10_000  # of one file, far below what MCAP has room for
 
 
 class DiskFull(StateError):
@@ -57,7 +58,8 @@ class Ring:
     def _is_done(self, file: RecordingFile, now: float) -> bool:
         """Return whether a file is full or old; a clock that was set back makes it old too."""
         bounds = self._bounds
-        return file.size >= bounds.file_size or not 0 <= now - self._began < bounds.file_age
+        is_full = file.size >= bounds.file_size or file.topics >= MOST_TOPICS
+        return is_full or not 0 <= now - self._began < bounds.file_age
 
     def _check_room(self) -> None:
         """Raise DiskFull when too little is free."""

@@ -38,6 +38,14 @@ def test_a_closed_file_has_an_index(file):
     assert (summary.statistics.message_count, len(summary.chunk_indexes)) == (5, 1)
 
 
+@pytest.mark.parametrize("stamp", [-1.0, 1e300, float("inf"), float("nan")])
+def test_a_stamp_that_is_no_time_is_replaced_by_when_it_came(file, read_back, stamp):
+    file.add(Message("/a", "fleet.Document", b"{}", stamp), 7)
+    file.close()
+    ((_, _, message),) = read_back(file.path)
+    assert (message.log_time, message.publish_time) == (7, 7)
+
+
 def test_only_its_user_can_read_it(file):
     assert stat.S_IMODE(file.path.stat().st_mode) == 0o600
 

@@ -73,6 +73,12 @@ def test_a_pose_is_recorded_with_its_frame_and_as_a_transform():
     assert (moved["parent_frame_id"], moved["child_frame_id"]) == ("yard-1/rex/world", "yard-1/rex")
 
 
+@pytest.mark.parametrize("stamp", [-1.0, 1e300])
+def test_a_stamp_that_is_no_time_is_zero_in_foxglove(stamp):
+    pose = body(PoseReport(stamp, Vector3(), Quaternion()), "foxglove.PoseInFrame")
+    assert pose["timestamp"] == {"sec": 0, "nsec": 0}
+
+
 def test_the_world_of_a_robot_is_placed_in_the_site_frame():
     message = placement_message("/yard-1/rex", Placement(Vector3(5.0), math.pi), 10.0)
     placed = json.loads(message.payload)

@@ -44,6 +44,14 @@ def test_a_full_file_and_an_old_one_are_followed_by_the_next(folder):
     assert files_in(folder) == [first, second, third]
 
 
+def test_a_file_with_too_many_topics_is_followed_by_the_next(folder, monkeypatch):
+    monkeypatch.setattr("fleet.record.ring.MOST_TOPICS", 1)
+    ring = Ring(folder, SMALL)
+    first = write(ring, NOW, 10)
+    assert write(ring, NOW + 1, 10) != first
+    ring.close()
+
+
 def test_a_clock_that_was_set_back_begins_a_new_file(folder):
     ring = Ring(folder, SMALL)
     first = write(ring, NOW, 10)
