@@ -14,6 +14,7 @@ from pathlib import Path
 from fleet.bus.settings import runtime_dir
 from fleet.cli.live import show
 from fleet.cli.output import ExitCode, Output
+from fleet.cli.record_task import record_task
 from fleet.clock import SystemClock
 from fleet.config.load import Loaded
 from fleet.console.child import ConsoleChild
@@ -25,6 +26,7 @@ from fleet.host.logs.line_format import Format
 from fleet.host.logs.setup import LogSettings, start_logging
 from fleet.host.process.component_settings import bus_settings
 from fleet.host.runtime.termination_signals import end_by_signal
+from fleet.record.child import RecorderChild
 from fleet.robot_config import MAIN
 from fleet.runtime.event_loop import run as run_loop
 from fleet.spool.state_folder import state_folder
@@ -78,10 +80,9 @@ async def _serve(
     end_by_signal(ServeEnd(ended, time.monotonic, os._exit).asked)
     started(edge)
     beside = [asyncio.create_task(show(edge, out), name="view")]
-    console = _console(loaded, out, link)
-    if console is not None:
-        edge.beside = lambda: console.problem
-        beside.append(asyncio.create_task(console.run(), name="console"))
+    programs = [each for each in (_console(loaded, out, link), _recorder(loaded)) if each is not None]
+    edge.beside = lambda: "; ".join(each.problem for each in programs if each.problem)
+    beside += [asyncio.create_task(each.run(), name="beside") for each in programs]
     try:
         await edge.run(ended)
     finally:
@@ -105,6 +106,12 @@ def _console(loaded: Loaded, out: Output, link: LinkAsked | None) -> ConsoleChil
 
     task = ConsoleTask(config.edge.id, config.console.port, link is not None, (bus_settings(config),))
     return ConsoleChild(task, runtime_dir(), SystemClock(), asked=link, served=served)
+
+
+def _recorder(loaded: Loaded) -> RecorderChild | None:
+    """Return the recorder that fleet.yaml asks for, not started yet."""
+    wanted = loaded.config.record
+    return RecorderChild(record_task(loaded.config, wanted), SystemClock()) if wanted is not None else None
 
 
 class ServeEnd:

@@ -12,6 +12,7 @@ from fleet.config.endpoints import COMMON_NAME, Insecure, Role, check_locator, i
 from fleet.config.groups import Group, members_of
 from fleet.config.notify import NotifyConfig, with_members
 from fleet.config.places import PlaceConfig
+from fleet.config.programs import ConsoleConfig, RecordConfig
 from fleet.robot_config import AdapterConfig, Name
 from fleet.schedules.model import ScheduleConfig
 from fleet.wire.topic_rules import ChannelConfig, ChannelName, TopicsConfig
@@ -253,12 +254,6 @@ class MetricsConfig(Model):
         return self
 
 
-class ConsoleConfig(Model):
-    """The console, a web page with the fleet, as a process beside the edge. It listens on loopback alone."""
-
-    port: int = Field(8480, ge=0, le=65535, description="0 takes any that is free.")
-
-
 class SiteConfig(Model):
     """The frame that the robots of this edge share: east-north-up, metres."""
 
@@ -333,6 +328,9 @@ class Sections(Model):
     )
     console: ConsoleConfig | None = Field(
         None, description="A web page with the fleet (docs/how-to/console.md). Left out: none."
+    )
+    record: RecordConfig | None = Field(
+        None, description="A recorder (docs/how-to/record.md). Left out: none."
     )
     plugins: tuple[ExistingFolder, ...] = Field(
         (),

@@ -1,11 +1,7 @@
-"""The console's way to the edges: joins those that run, takes what they publish, and joins them again.
-
-An edge that is away, frozen, or lets nobody in is shown as such and tried again; nothing waits for it.
-"""
+"""The console's way to the edges: takes what they publish, and tells which of them are joined."""
 
 from __future__ import annotations
 
-import asyncio
 import logging
 import threading
 from collections.abc import Callable, Mapping
@@ -14,13 +10,13 @@ from pathlib import Path
 import msgspec
 
 from fleet.bus import keys
-from fleet.bus.bus import Bus, join
-from fleet.bus.settings import BusSettings, running_edges
+from fleet.bus.bus import Bus
+from fleet.bus.edge_buses import EdgeBuses
 from fleet.bus.zenoh_session import ZenohSession
 from fleet.clock import Clock
 from fleet.console.fleet_view import FleetView, Goals
 from fleet.console.task import ConsoleTask
-from fleet.errors import BusError, WireError
+from fleet.errors import WireError
 from fleet.missions.report import MissionState, RunState
 from fleet.model.description import RobotDescription
 from fleet.model.report import PoseReport
@@ -30,8 +26,6 @@ from fleet.wire.databus import decode_report
 
 log = logging.getLogger(__name__)
 
-LOOK = 0.25  # s between looks at which edges run
-AGAIN = 2.0  # s until an edge that let nobody in is tried again
 ANSWER_WITHIN = 2.0  # s for the first states
 POSITIONS = f"cw/*/data/{PoseReport.channel}"
 
@@ -40,14 +34,11 @@ class EdgeConnections:
     """The buses of the edges, and what arrived on them since the last ``take``, the newest of each key."""
 
     def __init__(self, task: ConsoleTask, directory: Path, view: FleetView, clock: Clock) -> None:
-        self._task = task
-        self._directory = directory
         self._view = view
         self._clock = clock
-        self._buses: dict[str, Bus] = {}
-        self._joining: dict[str, asyncio.Task[None]] = {}
-        self._closing: set[asyncio.Task[None]] = set()
-        self._not_before: dict[str, float] = {}
+        self._edges = EdgeBuses(
+            task.edges, directory, clock, only=task.only, opened=self._opened, told=self._told
+        )
         self._lock = threading.Lock()
         self._pending: dict[str, bytes] = {}
         self._takers: Mapping[str, Callable[[list[str], bytes], None]] = {
@@ -62,7 +53,7 @@ class EdgeConnections:
 
     def lanes(self) -> dict[str, ZenohSession]:
         """Return the control sessions that are joined now, by edge."""
-        return {edge: bus.control for edge, bus in self._buses.items()}
+        return {edge: bus.control for edge, bus in self._edges.joined.items()}
 
     def lane_to(self, edge: str) -> ZenohSession | None:
         """Return the session by which an edge is asked; another edge's where it is not joined itself."""
@@ -71,67 +62,18 @@ class EdgeConnections:
 
     async def run(self) -> None:
         """Join edges as they come, and leave those that are gone, until cancelled."""
-        try:
-            while True:
-                self._look()
-                await asyncio.sleep(LOOK)
-        finally:
-            # What is being opened is waited for, and closed: a thread inside Zenoh must not outlive us.
-            await asyncio.gather(*self._joining.values(), return_exceptions=True)
-            for edge in list(self._buses):
-                self._leave(edge)
-            await asyncio.gather(*self._closing, return_exceptions=True)
+        await self._edges.run()
 
-    def _look(self) -> None:
-        """Begin to join what runs and is not joined; leave what is gone."""
-        wanted = {settings.edge: settings for settings in self._task.edges}
-        running = set(running_edges(self._directory))
-        if not self._task.only:
-            wanted = {edge: BusSettings(edge) for edge in running} | wanted
-        now = self._clock.monotonic()
-        for edge, settings in wanted.items():
-            reachable = edge in running or bool(settings.connect)
-            if edge in self._buses:
-                if not reachable or not self._buses[edge].control.reached():
-                    self._leave(edge)
-            elif not reachable:
-                self._view.edge_is(edge, alive=False, problem="it does not run", now=now)
-            elif edge not in self._joining and now >= self._not_before.get(edge, now):
-                self._joining[edge] = asyncio.create_task(self._join(settings), name=f"join:{edge}")
-        for edge in self._buses.keys() - wanted.keys():
-            self._leave(edge)
+    def _told(self, edge: str, problem: str | None) -> None:
+        """Show whether an edge is joined, and if not, why."""
+        self._view.edge_is(edge, alive=problem is None, problem=problem or "", now=self._clock.monotonic())
 
-    def _leave(self, edge: str) -> None:
-        """Close the bus of an edge that is gone; it is joined again when it is back."""
-        bus = self._buses.pop(edge)
-        self._view.edge_is(edge, alive=False, problem="it has gone", now=self._clock.monotonic())
-        closing = asyncio.create_task(asyncio.to_thread(bus.close), name=f"close:{edge}")
-        self._closing.add(closing)
-        closing.add_done_callback(self._closing.discard)
-
-    async def _join(self, settings: BusSettings) -> None:
-        """Join one edge, or show why not."""
-        edge = settings.edge
-        try:
-            bus = await asyncio.to_thread(self._open, settings)
-        except BusError as error:
-            now = self._clock.monotonic()
-            self._not_before[edge] = now + AGAIN
-            self._view.edge_is(edge, alive=False, problem=str(error), now=now)
-        else:
-            self._buses[edge] = bus
-            self._view.edge_is(edge, alive=True, now=self._clock.monotonic())
-            await asyncio.to_thread(self._ask_states, bus.control)
-        finally:
-            del self._joining[edge]
-
-    def _open(self, settings: BusSettings) -> Bus:
-        """Join an edge's bus and subscribe; blocks."""
-        bus = join(settings, self._directory)
+    def _opened(self, _edge: str, bus: Bus) -> None:
+        """Subscribe on an edge's bus, and ask for what was published before; blocks."""
         for key in (keys.state("*", "*"), keys.health("*"), keys.places("*", "*"), keys.run("*", "*")):
             bus.control.subscribe(key, self._arrived)
         bus.reports.gather(POSITIONS, self._gathered)
-        return bus
+        self._ask_states(bus.control)
 
     def _ask_states(self, control: ZenohSession) -> None:
         """Ask for what does not change and so is not published soon; blocks."""

@@ -10,8 +10,6 @@ import asyncio
 import contextlib
 import errno
 import logging
-import os
-import signal
 import socket
 import sys
 from collections.abc import Iterator
@@ -30,6 +28,7 @@ from fleet.console.sessions import Operator, Sessions
 from fleet.console.task import ConsoleTask, link_socket
 from fleet.errors import FleetError
 from fleet.host.logs.setup import LogSettings, start_logging
+from fleet.host.process.side_program import until_ended
 from fleet.runtime.decoding import decode_json
 from fleet.runtime.event_loop import run
 
@@ -39,7 +38,6 @@ HOST = "127.0.0.1"
 SHUTDOWN = 1  # s for open requests to end
 PING = 5.0  # s between pings of a WebSocket, and s that the page has to answer
 MOST_CONNECTIONS = 512  # with more, new ones are told to come again
-PARENT_LOOK = 0.5  # s between looks whether the parent lives
 
 
 class _Server(uvicorn.Server):
@@ -113,35 +111,14 @@ def _listen(task: ConsoleTask) -> socket.socket:
         ) from None
 
 
-async def _main(task: ConsoleTask) -> None:
-    """Run until a signal, or until the parent is gone."""
-    ended = asyncio.Event()
-    loop = asyncio.get_running_loop()
-    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
-        loop.add_signal_handler(number, ended.set)
-    watching = asyncio.create_task(_watch_parent(task.parent, ended), name="parent")
-    try:
-        await serve(task, runtime_dir(), ended)
-    finally:
-        watching.cancel()
-
-
-async def _watch_parent(parent: int, ended: asyncio.Event) -> None:
-    """End with the parent."""
-    while parent and not ended.is_set():
-        if os.getppid() != parent:
-            ended.set()
-        with contextlib.suppress(TimeoutError):
-            await asyncio.wait_for(ended.wait(), PARENT_LOOK)
-
-
 def main() -> int:
     """Read the task and run."""
     wanted = LogSettings.of_a_worker("console")
     start_logging(msgspec.structs.replace(wanted, level=logging.WARNING))
     logging.getLogger("uvicorn").setLevel(logging.WARNING)
     try:
-        run(_main(decode_json(sys.stdin.buffer.read(), ConsoleTask)))
+        task = decode_json(sys.stdin.buffer.read(), ConsoleTask)
+        run(until_ended(task.parent, lambda ended: serve(task, runtime_dir(), ended)))
     except msgspec.DecodeError as error:
         log.error("what this console is to run cannot be read: %s", error)  # noqa: TRY400
         return 1

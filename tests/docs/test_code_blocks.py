@@ -134,7 +134,7 @@ def check_fleet(words, context=None, command=fleet):
     """Parse a command line of fleet as click does; raises UsageError for an option that is not there."""
     context = click.Context(command, parent=context, info_name=words[0])
     _, rest, _ = command.make_parser(context).parse_args(list(words[1:]))
-    if isinstance(command, click.Group):
+    if isinstance(command, click.Group) and (rest or not command.invoke_without_command):
         if "show" in command.commands and (not rest or rest[0] not in command.commands):
             rest = ["show", *rest]  # fleet adapters
         child = command.get_command(context, rest[0])

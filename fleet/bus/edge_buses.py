@@ -1,0 +1,103 @@
+"""The buses of several edges: joins those that run, leaves those that are gone, and joins them again.
+
+An edge that is away, frozen, or lets nobody in is told as such and tried again; nothing waits for it.
+"""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Callable, Iterable
+from pathlib import Path
+
+from fleet.bus.bus import Bus, join
+from fleet.bus.settings import BusSettings, running_edges
+from fleet.clock import Clock
+from fleet.errors import BusError
+
+LOOK = 0.25  # s between looks at which edges run
+AGAIN = 2.0  # s until an edge that let nobody in is tried again
+
+
+class EdgeBuses:
+    """The buses that are joined now, by edge, in ``joined``.
+
+    ``edges`` are reached besides, or with ``only`` instead of, all that run on this computer. ``opened`` is
+    called in a thread with each edge and bus that was joined, and may block. ``told`` hears, on the event
+    loop, which edge is joined, and of one that is not, why.
+    """
+
+    def __init__(
+        self,
+        edges: Iterable[BusSettings],
+        directory: Path,
+        clock: Clock,
+        *,
+        only: bool,
+        opened: Callable[[str, Bus], None],
+        told: Callable[[str, str | None], None],
+    ) -> None:
+        self.joined: dict[str, Bus] = {}
+        self._edges = {settings.edge: settings for settings in edges}
+        self._only = only
+        self._directory = directory
+        self._clock = clock
+        self._opened = opened
+        self._told = told
+        self._joining: dict[str, asyncio.Task[None]] = {}
+        self._closing: set[asyncio.Task[None]] = set()
+        self._not_before: dict[str, float] = {}
+
+    async def run(self) -> None:
+        """Join edges as they come, and leave those that are gone, until cancelled."""
+        try:
+            while True:
+                self._look()
+                await asyncio.sleep(LOOK)
+        finally:
+            # What is being opened is waited for, and closed: a thread inside Zenoh must not outlive us.
+            await asyncio.gather(*self._joining.values(), return_exceptions=True)
+            for edge in list(self.joined):
+                self._leave(edge)
+            await asyncio.gather(*self._closing, return_exceptions=True)
+
+    def _look(self) -> None:
+        """Begin to join what runs and is not joined; leave what is gone."""
+        wanted = self._edges
+        running = set(running_edges(self._directory))
+        if not self._only:
+            wanted = {edge: BusSettings(edge) for edge in running} | wanted
+        now = self._clock.monotonic()
+        for edge, settings in wanted.items():
+            reachable = edge in running or bool(settings.connect)
+            if edge in self.joined:
+                if not reachable or not self.joined[edge].control.reached():
+                    self._leave(edge)
+            elif not reachable:
+                self._told(edge, "it does not run")
+            elif edge not in self._joining and now >= self._not_before.get(edge, now):
+                self._joining[edge] = asyncio.create_task(self._join(settings), name=f"join:{edge}")
+        for edge in self.joined.keys() - wanted.keys():
+            self._leave(edge)
+
+    def _leave(self, edge: str) -> None:
+        """Close the bus of an edge that is gone; it is joined again when it is back."""
+        bus = self.joined.pop(edge)
+        self._told(edge, "it has gone")
+        closing = asyncio.create_task(asyncio.to_thread(bus.close), name=f"close:{edge}")
+        self._closing.add(closing)
+        closing.add_done_callback(self._closing.discard)
+
+    async def _join(self, settings: BusSettings) -> None:
+        """Join one edge, or tell why not."""
+        edge = settings.edge
+        try:
+            bus = await asyncio.to_thread(join, settings, self._directory)
+        except BusError as error:
+            self._not_before[edge] = self._clock.monotonic() + AGAIN
+            self._told(edge, str(error))
+        else:
+            self.joined[edge] = bus
+            self._told(edge, None)
+            await asyncio.to_thread(self._opened, edge, bus)
+        finally:
+            del self._joining[edge]

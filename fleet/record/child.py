@@ -1,0 +1,64 @@
+"""The recorder as a child process of ``fleet run``: started, watched, started again."""
+
+from __future__ import annotations
+
+import asyncio
+import importlib.util
+import logging
+import os
+
+import msgspec
+
+from fleet.clock import Clock
+from fleet.host.process.side_program import SideProgram
+from fleet.record.task import RecordTask
+from fleet.runtime.decoding import decode_json
+
+log = logging.getLogger(__name__)
+
+EXTRA = "recording needs its extra: pip install 'zenoh-fleet[record]' (here: uv sync --extra record)"
+
+
+def is_installed() -> bool:
+    """Return whether the packages of the extra are there."""
+    return all(importlib.util.find_spec(name) for name in ("mcap", "zstandard"))
+
+
+class RecorderChild:
+    """One recorder process. ``recording`` is set while it records."""
+
+    def __init__(self, task: RecordTask, clock: Clock) -> None:
+        told = msgspec.json.encode(msgspec.structs.replace(task, parent=os.getpid()))
+        self._program = SideProgram("recorder", "fleet.record.program", told, clock, self._hear, heard=True)
+        self._told = ""
+        self.recording = asyncio.Event()
+
+    @property
+    def problem(self) -> str:
+        """What is wrong with it, in its own words where it has some; empty while it records."""
+        return self._program.problem and (self._told or self._program.problem)
+
+    @property
+    def process(self) -> int:
+        """The id of its process, 0 before the first."""
+        return self._program.process
+
+    async def run(self) -> None:
+        """Keep the recorder running until cancelled."""
+        if not is_installed():
+            self._program.problem = EXTRA
+            log.warning("%s", EXTRA)
+            return
+        await self._program.run()
+
+    async def _hear(self, process: asyncio.subprocess.Process) -> None:
+        """Take what the process says is wrong."""
+        assert process.stdout is not None
+        self._told = ""
+        async for line in process.stdout:
+            try:
+                self._told = self._program.problem = decode_json(line, str)
+            except msgspec.DecodeError:
+                log.warning("the recorder says what cannot be read")
+            if not self._told:
+                self.recording.set()

@@ -1,0 +1,125 @@
+"""What a folder of recordings holds, and a window of it in one file."""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Iterator
+from datetime import datetime
+from pathlib import Path
+from typing import IO
+
+import msgspec
+from mcap.exceptions import McapError
+from mcap.reader import make_reader
+from mcap.records import Channel, Message, Schema
+from mcap.writer import CompressionType, Writer
+
+from fleet.errors import StateError
+from fleet.record.file import CHUNK
+from fleet.record.ring import files_in
+
+_BROKEN = (McapError, EOFError, ValueError, UnicodeDecodeError)
+
+
+class Recorded(msgspec.Struct, frozen=True):
+    """One file: ``begins`` and ``ends`` are Unix s; ``messages`` is None for one without an index."""
+
+    path: str
+    size: int
+    begins: float
+    ends: float
+    messages: int | None = None
+
+
+def recorded_in(folder: Path) -> list[Recorded]:
+    """Return the files of a folder, the oldest first; raises StateError when there is no such folder."""
+    if not folder.is_dir():
+        raise StateError(f"there is no folder {folder}: nothing was recorded there")
+    return [_recorded(path) for path in files_in(folder)]
+
+
+def _recorded(path: Path) -> Recorded:
+    """Return what is known of a file: by its index, else by its name and when it was written last."""
+    found = path.stat()
+    try:
+        with path.open("rb") as file:
+            summary = make_reader(file).get_summary()
+    except _BROKEN:
+        summary = None
+    if summary is None or summary.statistics is None:
+        return Recorded(str(path), found.st_size, _begin(path, found.st_mtime), found.st_mtime)
+    counted = summary.statistics
+    begins, ends = counted.message_start_time / 1e9, counted.message_end_time / 1e9
+    return Recorded(str(path), found.st_size, begins, ends, counted.message_count)
+
+
+def _begin(path: Path, otherwise: float) -> float:
+    """Return when a file began, by its name."""
+    try:
+        begin = datetime.strptime(path.name.partition("Z")[0] + "+0000", "%Y%m%dT%H%M%S.%f%z")
+    except ValueError:
+        return otherwise
+    return begin.timestamp()
+
+
+def export(folder: Path, into: Path, *, since: float, until: float) -> int:
+    """Write what was received from ``since`` until before ``until`` (Unix s) into a new file.
+
+    Returns how many messages that are. The file is for this user alone, and has an index. Raises StateError
+    when nothing was recorded then, or the file exists.
+    """
+    chosen = [file for file in recorded_in(folder) if file.ends >= since and file.begins <= until]
+    try:
+        with os.fdopen(os.open(into, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600), "wb") as output:
+            count = _copy(chosen, output, since, until)
+    except FileExistsError:
+        raise StateError(f"{into} is there already; choose another name") from None
+    except OSError as error:
+        raise StateError(f"{into} cannot be written: {error.strerror or error}") from None
+    if not count:
+        into.unlink()
+        raise StateError(f"{folder} has nothing of that time; fleet record ls shows what it has")
+    return count
+
+
+def _copy(files: list[Recorded], output: IO[bytes], since: float, until: float) -> int:
+    """Copy the messages of a window; returns how many."""
+    writer = Writer(output, chunk_size=CHUNK, compression=CompressionType.ZSTD)
+    writer.start()
+    schemas: dict[str, int] = {}
+    channels: dict[tuple[str, str], int] = {}
+    count = 0
+    for schema, channel, message in _messages(files, since, until):
+        name = schema.name if schema is not None else ""
+        if schema is not None and name not in schemas:
+            schemas[name] = writer.register_schema(name, schema.encoding, schema.data)
+        if (channel.topic, name) not in channels:
+            number = schemas.get(name, 0)
+            channels[channel.topic, name] = writer.register_channel(
+                channel.topic, channel.message_encoding, number
+            )
+        writer.add_message(
+            channels[channel.topic, name],
+            message.log_time,
+            message.data,
+            message.publish_time,
+            message.sequence,
+        )
+        count += 1
+    writer.finish()
+    return count
+
+
+def _messages(
+    files: list[Recorded], since: float, until: float
+) -> Iterator[tuple[Schema | None, Channel, Message]]:
+    """Yield the messages of a window; a file that is cut off ends where it is."""
+    start = max(0, round(since * 1e9))
+    end = round(until * 1e9) if math.isfinite(until) else None
+    for recorded in files:
+        with Path(recorded.path).open("rb") as file:
+            try:
+                yield from make_reader(file).iter_messages(starting_at=start, ending_before=end)
+            except _BROKEN:
+                continue

@@ -1,0 +1,174 @@
+"""One MCAP file of a recording, which can be read at any time, also after its writer was killed.
+
+Each flush writes the chunk in progress and, behind it, the end of an MCAP file without an index; the next
+flush overwrites that end. A closed file has its index. A writer that was killed within a write may leave
+half a record: ``repair`` cuts it off. Source: https://mcap.dev/spec.
+"""
+
+from __future__ import annotations
+
+import os
+import struct
+from pathlib import Path
+from typing import Any
+
+from mcap.data_stream import RecordBuilder
+from mcap.opcode import Opcode
+from mcap.records import DataEnd, Footer
+from mcap.writer import MCAP0_MAGIC, CompressionType, Writer
+
+from fleet.record.messages import LATEST, Message
+from fleet.record.schemas import schema_of
+from fleet.version import __version__
+
+CHUNK = 256 * 1024
+"""Bytes of a chunk before it is compressed; one message of more bytes has a chunk of its own."""
+
+_RECORD = struct.Struct("<BQ")  # opcode, bytes of the content
+
+
+def _end() -> bytes:
+    """Return the end of an MCAP file that has no index."""
+    builder = RecordBuilder()
+    DataEnd(0).write(builder)
+    Footer(summary_start=0, summary_offset_start=0, summary_crc=0).write(builder)
+    return bytes(builder.end()) + MCAP0_MAGIC
+
+
+END = _end()
+
+
+class _Output:
+    """The file as the writer of MCAP sees it: what it writes reaches the disk with ``flush``, in one go."""
+
+    def __init__(self, path: Path) -> None:
+        self._file = os.open(path, os.O_RDWR | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o600)
+        self._written = 0
+        self._waiting = bytearray()
+
+    def write(self, data: bytes) -> int:
+        """Take bytes."""
+        self._waiting += data
+        return len(data)
+
+    def tell(self) -> int:
+        """Return how many bytes the file has with those that wait."""
+        return self._written + len(self._waiting)
+
+    def flush(self, end: bytes = END) -> None:
+        """Write what waits, and the end of the file behind it; raises OSError, and can be called again."""
+        if self._waiting or not end:
+            _write(self._file, bytes(self._waiting) + end, self._written)
+            self._written += len(self._waiting)
+            self._waiting.clear()
+
+    def close(self) -> None:
+        """Close the file; what waits is lost."""
+        os.close(self._file)
+
+
+class RecordingFile:
+    """A new MCAP file at ``path``, for this user alone; raises OSError.
+
+    After an OSError of ``flush`` it has ``failed``: nothing more can be added; ``close`` it, and ``repair``.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self._output = _Output(path)
+        output: Any = self._output
+        self._writer = Writer(output, chunk_size=CHUNK, compression=CompressionType.ZSTD)
+        self._schemas: dict[str, int] = {}
+        self._channels: dict[tuple[str, str], int] = {}
+        self._counts: dict[int, int] = {}
+        self.failed = False
+        self._writer.start(library=f"fleet {__version__}")
+        self.flush()
+
+    @property
+    def size(self) -> int:
+        """Bytes of the file without the chunk in progress."""
+        return self._output.tell()
+
+    @property
+    def topics(self) -> int:
+        """How many topics it has; MCAP has room for 65 535."""
+        return len(self._channels)
+
+    def add(self, message: Message, received: int) -> None:
+        """Add a message that was received then (Unix ns); its stamp counts where that is a time."""
+        channel = self._channel(message.topic, message.schema)
+        count = self._counts[channel] = self._counts[channel] + 1
+        stamp = message.stamp
+        published = round(stamp * 1e9) if stamp is not None and 0 <= stamp < LATEST else received
+        self._writer.add_message(channel, received, message.payload, published, count)
+
+    def _channel(self, topic: str, schema: str) -> int:
+        """Return the channel of a topic, made with its schema when it is first used."""
+        found = self._channels.get((topic, schema))
+        if found is None:
+            number = self._schemas.get(schema)
+            if number is None:
+                number = self._writer.register_schema(schema, "jsonschema", schema_of(schema))
+                self._schemas[schema] = number
+            found = self._writer.register_channel(topic, "json", number)
+            self._channels[topic, schema] = found
+            self._counts[found] = 0
+        return found
+
+    def flush(self) -> None:
+        """Bring what was added to the file; raises OSError."""
+        try:
+            self._writer.flush()
+        except OSError:
+            self.failed = True
+            raise
+
+    def close(self) -> None:
+        """Write the index and close; raises OSError. A file whose disk was full keeps what was flushed."""
+        try:
+            if not self.failed:
+                self._writer.finish()
+                self._output.flush(b"")
+        finally:
+            self._output.close()
+
+
+def repair(path: Path) -> bool:
+    """Cut half a record off the end of a file, and end it; returns whether that was needed.
+
+    Raises OSError. A file that is not MCAP from its first byte on is left as it is.
+    """
+    with path.open("r+b") as file:
+        size = file.seek(0, os.SEEK_END)
+        file.seek(max(0, size - len(MCAP0_MAGIC)))
+        if file.read() == MCAP0_MAGIC and size > len(MCAP0_MAGIC):
+            return False
+        file.seek(0)
+        if file.read(len(MCAP0_MAGIC)) != MCAP0_MAGIC:
+            return False
+        whole = _last_whole_record(file, size)
+        _write(file.fileno(), END, whole)
+        file.truncate(whole + len(END))
+    return True
+
+
+def _last_whole_record(file: Any, size: int) -> int:
+    """Return where the records of the data section end that are there as a whole."""
+    at: int = file.tell()
+    while at + _RECORD.size <= size:
+        file.seek(at)
+        opcode, length = _RECORD.unpack(file.read(_RECORD.size))
+        end = at + _RECORD.size + length
+        if end > size or opcode == Opcode.DATA_END:
+            break
+        at = end
+    return at
+
+
+def _write(file: int, data: bytes, at: int) -> None:
+    """Write all bytes at an offset; raises OSError."""
+    view = memoryview(data)
+    while view:
+        done = os.pwrite(file, view, at)
+        view, at = view[done:], at + done

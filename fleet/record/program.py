@@ -1,0 +1,56 @@
+"""The recorder process of an edge: reads its task, records until a signal or its parent ends it.
+
+``python -m fleet.record.program`` is started by ``fleet run``, which writes the task to its standard input
+and reads what is wrong from its standard output: one JSON text a line, empty when all is well.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+import sys
+
+import msgspec
+
+from fleet.bus.settings import runtime_dir
+from fleet.clock import SystemClock
+from fleet.errors import FleetError
+from fleet.host.logs.setup import LogSettings, start_logging
+from fleet.host.process.side_program import until_ended
+from fleet.record.recording import record
+from fleet.record.task import RecordTask
+from fleet.runtime.decoding import decode_json
+from fleet.runtime.event_loop import run
+
+log = logging.getLogger(__name__)
+
+
+def _tell(problem: str) -> None:
+    """Write what is wrong to our parent; one that does not read is gone, and so are we soon."""
+    sys.stdout.buffer.write(msgspec.json.encode(problem) + b"\n")
+    sys.stdout.buffer.flush()
+
+
+def main() -> int:
+    """Read the task and record."""
+    wanted = LogSettings.of_a_worker("recorder")
+    start_logging(msgspec.structs.replace(wanted, level=logging.WARNING))
+
+    async def work(ended: asyncio.Event) -> None:
+        await record(task, runtime_dir(), ended, SystemClock(), told=_tell)
+
+    try:
+        task = decode_json(sys.stdin.buffer.read(), RecordTask)
+        run(until_ended(task.parent, work))
+    except msgspec.DecodeError as error:
+        log.error("what this recorder is to record cannot be read: %s", error)  # noqa: TRY400
+        return 1
+    except FleetError as error:
+        _tell(str(error))
+        log.error("%s", error)  # noqa: TRY400 - one line for a person, no traceback
+        return 1
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,112 @@
+"""The recorder: takes samples from the bus's threads, and brings them to the files of a ring."""
+
+from __future__ import annotations
+
+import logging
+import threading
+
+from fleet.clock import Clock
+from fleet.errors import StateError
+from fleet.history.record import Record
+from fleet.record.ring import Ring
+from fleet.record.samples import SampleReader, event_message
+
+log = logging.getLogger(__name__)
+
+MOST_WAITING = 64 * 1024 * 1024
+"""Bytes that may wait for the disk; what comes then is dropped and told."""
+AGAIN = 10.0  # s until a disk that failed is tried again
+
+
+class Recorder:
+    """Records what ``take`` and ``take_events`` are given, on any thread; ``write`` is called by one.
+
+    ``problem`` is why nothing is recorded, or what was lost; empty while all is well.
+    """
+
+    def __init__(self, ring: Ring, clock: Clock) -> None:
+        self.problem = ""
+        self.recorded = 0
+        self._ring = ring
+        self._clock = clock
+        self._reader = SampleReader()
+        self._lock = threading.Lock()
+        self._samples: list[tuple[int, str, str, bytes]] = []
+        self._events: list[tuple[int, str, Record]] = []
+        self._waiting = 0
+        self._dropped = 0
+        self._not_before = float("-inf")
+
+    def take(self, edge: str, key: str, payload: bytes) -> None:
+        """Take a sample that came by the bus of an edge; an empty one tells nothing and is left out."""
+        with self._lock:
+            if self._waiting + len(payload) > MOST_WAITING:
+                self._dropped += 1
+            elif payload:
+                self._waiting += len(payload)
+                self._samples.append((self._now(), edge, key, payload))
+
+    def take_many(self, edge: str, samples: list[tuple[str, bytes]]) -> None:
+        """Take samples that came by the bus of an edge."""
+        for key, payload in samples:
+            self.take(edge, key, payload)
+
+    def take_events(self, edge: str, events: list[Record]) -> None:
+        """Take events of an edge's history."""
+        with self._lock:
+            self._events += [(self._now(), edge, event) for event in events]
+
+    def _now(self) -> int:
+        """Return Unix nanoseconds."""
+        return round(self._clock.time() * 1e9)
+
+    def write(self) -> None:
+        """Bring what was taken to the disk; a disk that fails is told in ``problem`` and tried again."""
+        with self._lock:
+            samples, self._samples = self._samples, []
+            events, self._events = self._events, []
+            dropped, self._dropped = self._dropped, 0
+            self._waiting = 0
+        if self._clock.monotonic() < self._not_before:
+            return
+        try:
+            self._record(samples, events)
+        except (OSError, StateError) as error:
+            self._fail(error)
+        else:
+            lost = f"{dropped} samples were not recorded: the disk of {self._ring.folder} is too slow"
+            self._tell(lost if dropped else "")
+
+    def _record(
+        self, samples: list[tuple[int, str, str, bytes]], events: list[tuple[int, str, Record]]
+    ) -> None:
+        """Write to the file in progress; raises OSError and StateError."""
+        if not samples and not events:
+            return
+        file = self._ring.file(self._clock.time())
+        for received, edge, key, payload in samples:
+            for message in self._reader.read(edge, key, payload):
+                file.add(message, received)
+                self.recorded += 1
+        for received, edge, event in events:
+            file.add(event_message(edge, event), received)
+            self.recorded += 1
+        file.flush()
+
+    def _fail(self, error: Exception) -> None:
+        """End the file in progress, and wait before the disk is tried again."""
+        self._ring.end_file()
+        self._not_before = self._clock.monotonic() + AGAIN
+        reason = (error.strerror or str(error)) if isinstance(error, OSError) else str(error)
+        self._tell(reason if isinstance(error, StateError) else f"nothing is recorded: {reason}")
+
+    def _tell(self, problem: str) -> None:
+        """Set the problem, and log a new one."""
+        if problem and problem != self.problem:
+            log.error("%s", problem)
+        self.problem = problem
+
+    def close(self) -> None:
+        """Write what was taken, and end the file."""
+        self.write()
+        self._ring.close()

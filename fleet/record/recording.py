@@ -1,0 +1,148 @@
+"""Recording the edges that run: joins their buses, asks for their history, writes until the end."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import logging
+import threading
+from collections.abc import Callable
+from functools import partial
+from pathlib import Path
+
+import msgspec
+
+from fleet.bus import keys
+from fleet.bus.bus import Bus
+from fleet.bus.edge_buses import EdgeBuses
+from fleet.bus.zenoh_session import ZenohSession
+from fleet.clock import Clock
+from fleet.history.event_filter import EventFilter
+from fleet.history.record import Record
+from fleet.record.recorder import Recorder
+from fleet.record.ring import Ring
+from fleet.record.task import RecordTask
+from fleet.runtime.decoding import decode_json
+
+log = logging.getLogger(__name__)
+
+EVERY = 0.4
+"""Seconds between two writes to the disk: what a recorder that is killed may lose, with the time of one."""
+ANSWER_WITHIN = 2.0  # s for states and history
+OVERLAP = 2.0  # s that are asked for again: workers write their events later than the edge does
+REPORTS = "cw/*/data/**"
+
+
+def published(edge: str) -> tuple[str, ...]:
+    """Return the keys on which an edge publishes what is recorded besides reports."""
+    return (*asked_first(edge), keys.places(edge, "*"), keys.held(edge), keys.stop(edge))
+
+
+def asked_first(edge: str) -> tuple[str, ...]:
+    """Return the keys whose last value is asked for: what does not change is not published soon."""
+    return (keys.state(edge, "*"), keys.health(edge), keys.run(edge, "*"))
+
+
+async def record(
+    task: RecordTask,
+    directory: Path,
+    ended: asyncio.Event,
+    clock: Clock,
+    *,
+    told: Callable[[str], None] = lambda _problem: None,
+) -> int:
+    """Record until ``ended``; returns the number of messages. ``told`` hears what is wrong, '' when it ends.
+
+    Raises StateError when the folder cannot be used.
+    """
+    recorder = Recorder(Ring(Path(task.folder), task.bounds), clock)
+    joined = _Joined(recorder, clock)
+    edges = EdgeBuses(task.edges, directory, clock, only=task.only, opened=joined.opened, told=joined.told)
+    joining = asyncio.create_task(edges.run(), name="edges")
+    known: str | None = None
+    try:
+        while not ended.is_set():
+            with contextlib.suppress(TimeoutError):
+                await asyncio.wait_for(ended.wait(), EVERY)
+            for edge, bus in edges.joined.items():
+                joined.ask_history(edge, bus.control)
+            await asyncio.to_thread(recorder.write)
+            if recorder.problem != known:
+                known = recorder.problem
+                told(known)
+    finally:
+        joining.cancel()
+        with contextlib.suppress(asyncio.CancelledError):
+            await joining
+        await asyncio.to_thread(recorder.close)
+    return recorder.recorded
+
+
+class _Joined:
+    """What is taken from the buses that are joined."""
+
+    def __init__(self, recorder: Recorder, clock: Clock) -> None:
+        self._recorder = recorder
+        self._history = _History(recorder, clock)
+
+    def told(self, edge: str, problem: str | None) -> None:
+        """Log which edge is recorded."""
+        if problem is None:
+            log.info("edge %s is recorded", edge)
+        else:
+            log.debug("edge %s is not recorded: %s", edge, problem)
+
+    def opened(self, edge: str, bus: Bus) -> None:
+        """Subscribe on the bus of an edge, after asking whose the twins are; blocks."""
+        for key in asked_first(edge):
+            for answered, data in bus.control.ask(key, b"", timeout=ANSWER_WITHIN):
+                self._recorder.take(edge, answered, data)
+        for key in published(edge):
+            bus.control.subscribe(key, partial(self._recorder.take, edge))
+        bus.reports.gather(REPORTS, partial(self._recorder.take_many, edge))
+
+    def ask_history(self, edge: str, control: ZenohSession) -> None:
+        """Ask for the newest events of an edge."""
+        self._history.ask(edge, control)
+
+
+class _History:
+    """What the histories of edges told since the recorder began, each event once."""
+
+    def __init__(self, recorder: Recorder, clock: Clock) -> None:
+        self._recorder = recorder
+        self._clock = clock
+        self._began = clock.time()
+        self._seen: dict[bytes, float] = {}
+        self._asked: set[str] = set()
+        self._until: dict[str, float] = {}
+        self._lock = threading.Lock()
+
+    def ask(self, edge: str, control: ZenohSession) -> None:
+        """Ask for the newest events, unless an answer is still awaited."""
+        if edge in self._asked:
+            return
+        self._asked.add(edge)
+        now = self._clock.time()
+        since = max(self._began, self._until.get(edge, now) - OVERLAP)
+        control.ask_later(
+            keys.history(edge),
+            msgspec.json.encode(EventFilter(since=since)),
+            timeout=ANSWER_WITHIN,
+            on_answer=lambda data: self._answered(edge, data, now),
+            on_end=lambda: self._asked.discard(edge),
+        )
+
+    def _answered(self, edge: str, data: bytes, asked: float) -> None:
+        """Take the events that are new; on the bus's thread."""
+        try:
+            events = decode_json(data, list[Record])
+        except msgspec.DecodeError as error:
+            log.warning("the history of %s cannot be read: %s", edge, error)
+            return
+        with self._lock:
+            marks = [(msgspec.json.encode((edge, event)), event) for event in events]
+            self._recorder.take_events(edge, [event for mark, event in marks if mark not in self._seen])
+            kept = {mark: at for mark, at in self._seen.items() if asked - at < 10 * OVERLAP}
+            self._seen = kept | dict.fromkeys((mark for mark, _ in marks), asked)
+            self._until[edge] = asked

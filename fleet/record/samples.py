@@ -1,0 +1,78 @@
+"""What arrives on the buses of edges as messages to record: under the names of edges and robots.
+
+A report's key has the uuid of its twin alone; the state of a robot says which robot that is.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import msgspec
+
+from fleet.history.record import Record
+from fleet.missions.report import RunState
+from fleet.model.state import EdgeState, RobotState
+from fleet.record.messages import Message, placement_message, report_messages, unread
+from fleet.record.schemas import DOCUMENT
+from fleet.runtime.decoding import decode_json
+from fleet.wire.topics import parse_data_key
+
+_encode = msgspec.json.Encoder().encode
+
+
+class SampleReader:
+    """Makes messages from samples; keeps the robot of each twin that was told."""
+
+    def __init__(self) -> None:
+        self._robots: dict[str, tuple[str, str]] = {}
+
+    def read(self, edge: str, key: str, payload: bytes) -> list[Message]:
+        """Return what to record of a sample that came by the bus of an edge.
+
+        One that cannot be read is kept as bytes. One of a robot of another edge is left out: edges that are
+        connected hear each other's, and it comes by the bus of its own.
+        """
+        data = parse_data_key(key)
+        if data is not None:
+            known = self._robots.get(data.twin)
+            if known is not None and known[0] != edge:
+                return []
+            robot = known[1] if known is not None else f"/twins/{data.twin}"
+            return report_messages(robot, data.channel, payload, sensor=data.sensor)
+        inner = key.split("/")[2:]
+        topic = "/".join(["", edge, *inner])
+        try:
+            return self._of_edge(topic, inner, payload)
+        except (msgspec.DecodeError, ValueError, RecursionError):
+            return [unread(topic, payload)]
+
+    def _of_edge(self, topic: str, inner: list[str], payload: bytes) -> list[Message]:
+        """Return what an edge publishes itself; raises for what cannot be read."""
+        kind = inner[0] if inner else ""
+        if kind == "robots" and inner[-1] == "state":
+            return self._state(decode_json(payload, RobotState))
+        if kind == "health":
+            health = decode_json(payload, EdgeState)
+            return [Message(topic, "fleet.EdgeState", payload, health.stamp)]
+        if kind == "runs":
+            decode_json(payload, RunState)
+            return [Message(topic.rpartition("/")[0], "fleet.RunState", payload)]
+        document: object = decode_json(payload, Any)
+        is_object = isinstance(document, dict)
+        return [Message(topic, DOCUMENT, payload if is_object else _encode({"value": document}))]
+
+    def _state(self, state: RobotState) -> list[Message]:
+        """Return a robot's state, and where its world is in the site frame."""
+        robot = f"/{state.edge}/{state.name}"
+        if state.twin:
+            self._robots[state.twin] = (state.edge, robot)
+        told = [Message(f"{robot}/state", "fleet.RobotState", _encode(state), state.stamp)]
+        if state.placement is not None:
+            told.append(placement_message(robot, state.placement, state.stamp))
+        return told
+
+
+def event_message(edge: str, event: Record) -> Message:
+    """Return an event of an edge's history: a command, its outcome, a stop, a change of health, a mission."""
+    topic = f"/{edge}/{event.robot}/history" if event.robot else f"/{edge}/history"
+    return Message(topic, "fleet.Record", _encode(msgspec.structs.replace(event, edge=edge)), event.stamp)

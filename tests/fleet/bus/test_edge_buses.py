@@ -1,0 +1,52 @@
+"""The buses of edges that come, go and come back."""
+
+import asyncio
+import contextlib
+import shutil
+import tempfile
+from pathlib import Path
+
+import pytest
+
+from fleet.bus.bus import open_edge
+from fleet.bus.edge_buses import EdgeBuses
+from fleet.bus.settings import BusSettings
+from fleet.clock import SystemClock
+from fleet.testing.waiting import DEADLINE
+
+
+@pytest.fixture
+def runtime():
+    path = Path(tempfile.mkdtemp(prefix="fc"))
+    yield path
+    shutil.rmtree(path)
+
+
+async def test_an_edge_is_joined_when_it_comes_and_left_when_it_goes(runtime):
+    told, opened = asyncio.Queue(), []
+    edges = EdgeBuses(
+        [BusSettings("yard-1")],
+        runtime,
+        SystemClock(),
+        only=True,
+        opened=lambda edge, _bus: opened.append(edge),
+        told=lambda edge, problem: told.put_nowait((edge, problem)),
+    )
+    running = asyncio.create_task(edges.run())
+
+    async def hears(problem):
+        while await told.get() != ("yard-1", problem):
+            pass
+
+    async with asyncio.timeout(DEADLINE):
+        await hears("it does not run")
+        for _ in range(2):
+            bus = await asyncio.to_thread(open_edge, BusSettings("yard-1"), runtime)
+            await hears(None)
+            assert list(edges.joined) == ["yard-1"]
+            await asyncio.to_thread(bus.close)
+            await hears("it has gone")
+        running.cancel()
+        with contextlib.suppress(asyncio.CancelledError):
+            await running
+    assert (edges.joined, opened) == ({}, ["yard-1", "yard-1"])

@@ -1,0 +1,78 @@
+"""The recorder as a process: killed at any time it loses a second at the most, and every file opens."""
+
+import contextlib
+import subprocess
+import sys
+import time
+
+import msgspec
+import pytest
+
+from fleet.model.report import BatteryReport
+from fleet.record.ring import files_in
+from fleet.record.task import Bounds, RecordTask
+from fleet.testing.waiting import DEADLINE, wait_until
+from fleet.wire.databus import encode_report
+
+TWIN = "6f0c9a1e-8d2b-4c57-9a39-2f4a1d0b7c11"
+TOPIC = "/yard-1/rex/battery"
+MOST_LOST = 1.0  # s
+
+
+@contextlib.contextmanager
+def recorder(task):
+    """Run a recorder; yields its process."""
+    command = [sys.executable, "-m", "fleet.record.program"]
+    with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE) as process:
+        try:
+            process.stdin.write(msgspec.json.encode(task))
+            process.stdin.close()
+            yield process
+        finally:
+            process.kill()
+
+
+@pytest.fixture
+def yard(play_edge):
+    return play_edge("yard-1", robots={"rex": {"twin": TWIN}})
+
+
+def test_a_recorder_that_is_killed_lost_a_second_at_the_most_and_every_file_opens(
+    runtime, yard, tmp_path, read_back
+):
+    folder = tmp_path / "recordings"
+    for number in range(1, 4):
+        last = 0.0
+
+        def is_recorded(least=number):
+            """Report once more; return whether this recorder has written something."""
+            nonlocal last
+            last = time.time()
+            yard.bus.reports.put(f"cw/{TWIN}/data/battery", encode_report(BatteryReport(last, 50.0), 1))
+            files = files_in(folder) if folder.is_dir() else []
+            return len(files) == least and any(topic == TOPIC for topic, _, _ in read_back(files[-1]))
+
+        with recorder(RecordTask(str(folder), Bounds(free=0))) as process:
+            wait_until("a recorded report", is_recorded)
+            until = time.monotonic() + 0.2 * number
+            wait_until("more reports", lambda: not is_recorded() or time.monotonic() > until)  # noqa: B023
+            killed = time.time()
+            process.kill()
+            process.wait(DEADLINE)
+        found = read_back(files_in(folder)[-1])
+        newest = max(each.publish_time / 1e9 for topic, _, each in found if topic == TOPIC)
+        assert killed - newest < MOST_LOST
+    assert len(files_in(folder)) == 3
+
+
+def test_it_says_why_it_cannot_record(runtime, tmp_path):
+    (tmp_path / "file").write_text("")
+    with recorder(RecordTask(str(tmp_path / "file" / "recordings"))) as process:
+        assert "cannot record into" in msgspec.json.decode(process.stdout.readline())
+        assert process.wait(DEADLINE) == 1
+
+
+def test_a_task_that_cannot_be_read_is_refused():
+    command = [sys.executable, "-m", "fleet.record.program"]
+    done = subprocess.run(command, input=b"{}", capture_output=True, timeout=DEADLINE, check=False)
+    assert (done.returncode, b"cannot be read" in done.stderr) == (1, True)
