@@ -51,18 +51,13 @@ def interpreter_settings(
             sys.setswitchinterval(switch_interval)
         if young is not None:
             gc.set_threshold(young, *gc.get_threshold()[1:])
-        collect_garbage()
+        gc.collect()
         gc.freeze()
         if not collect:
             gc.disable()
         yield
     finally:
         _release()
-
-
-def collect_garbage() -> None:
-    """Free what nothing refers to any more, so that it is not kept for ever."""
-    gc.collect()
 
 
 def freeze_new_objects() -> None:

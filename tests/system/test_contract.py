@@ -4,6 +4,7 @@ docs/reference/contract.md says for each part of the contract whether it is kept
 """
 
 import base64
+import functools
 import json
 import time
 
@@ -217,7 +218,7 @@ def test_an_edge_is_configured_by_the_environment_of_the_sdk_and_keeps_to_its_pr
     monkeypatch.setenv("CYBERWAVE_API_KEY", "cw_x")
     monkeypatch.setenv("CYBERWAVE_TOPIC_PREFIX", "local")
     robot = {"name": "rex", "twin": TWIN, "adapter": "puppet", "worker": "main", "rate": 20}
-    config = {"edge": {"id": "yard"}, "plugins": [str(PUPPETS)], "cloud": {}, "robots": [robot]}
+    config = {"edge": {"id": "prefixed"}, "plugins": [str(PUPPETS)], "cloud": {}, "robots": [robot]}
     (tmp_path / "fleet.yaml").write_text(json.dumps(config))
     listener = ears("127.0.0.1", foreign_broker.port, "#")
     running = fleet("run", "--json", folder=tmp_path)
@@ -228,9 +229,10 @@ def test_an_edge_is_configured_by_the_environment_of_the_sdk_and_keeps_to_its_pr
     listener.say(f"cyberwave/twin/{TWIN}/command", {**message, "timestamp": time.time()})
     sdk = CyberwaveMQTTClient("127.0.0.1", foreign_broker.port, api_key="cw_x", topic_prefix="local")
     sdk.connect()
-    answer = sdk.request_command(TWIN, "poke", {"number": 2}, source_type="tele", timeout_s=30.0)
+    ask = functools.partial(sdk.request_command, TWIN, "poke", source_type="tele", timeout_s=30.0)
+    answer = ask({"number": 2})
+    assert answer["status"] == "accepted", answer.get("reason", answer)
     sdk.disconnect()
-    assert answer["status"] == "accepted", answer
     topics = {at for at, message in listener.heard if message.get("session_id") == session}
     assert {at for at in topics if not at.startswith(("localcyberwave/", "localedges/"))} == set()
     unprefixed = [message for at, message in listener.heard if at == f"cyberwave/twin/{TWIN}/command"]

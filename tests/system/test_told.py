@@ -121,6 +121,7 @@ def test_what_befalls_a_robot_is_told_in_the_cloud_to_its_end(rex):
 def test_a_command_that_the_death_of_the_edge_cut_off_has_its_end_in_the_cloud(rex):
     assert rex.command("climb")["status"] == "ok"
     wait_until("the end of what is told already", lambda: len(rex.answers("climb")) == 2)
+    wait_until("that is on disk", lambda: "climb failed" in rex.edge.call("history", "rex").stdout)
     assert rex.command("wander")["status"] == "ok"
     (edge,) = psutil.Process(rex.edge.process.pid).children()
     os.kill(edge.pid, signal.SIGKILL)

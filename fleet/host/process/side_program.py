@@ -21,6 +21,7 @@ from fleet.plugins.probe import bare_environment
 
 log = logging.getLogger(__name__)
 
+LAST_WORDS = 1.0  # s for the output of a program that has ended to be read
 LEAVE_WITHIN = 6.0  # s; one that just joins an edge waits for it
 STABLE_AFTER = 30.0  # s of life after which the next restart is quick again
 PARENT_LOOK = 0.5  # s between looks whether the parent lives
@@ -82,7 +83,10 @@ class SideProgram:
         process.stdin.close()
         watching = asyncio.create_task(self._watch(process), name=f"watch:{self._name}")
         try:
-            return await process.wait()
+            code = await process.wait()
+            if self._heard:  # its last words may not have been read yet
+                await asyncio.wait({watching}, timeout=LAST_WORDS)
+            return code
         finally:
             watching.cancel()
             await self._end(process)
