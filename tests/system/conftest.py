@@ -46,7 +46,9 @@ class Running:
     """A ``fleet`` process: its lines, and how it ends."""
 
     def __init__(self, *arguments: str, runtime: str, folder: Path | None = None) -> None:
-        self.environment = os.environ | {"FLEET_RUNTIME_DIR": runtime, "PYTHONUNBUFFERED": "1"}
+        # State of its own for each test: a stop that one has set holds the robots of the next.
+        own = {"FLEET_RUNTIME_DIR": runtime, "XDG_STATE_HOME": f"{runtime}/state"}
+        self.environment = os.environ | own | {"PYTHONUNBUFFERED": "1"}
         self.states: dict[str, dict[str, Any]] = {}
         self.errors: list[str] = []
         self.process = subprocess.Popen(
