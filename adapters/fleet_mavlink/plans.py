@@ -88,8 +88,9 @@ class Plans:
             require_connection(self._vehicle)
             with self._vehicle.hearing(*_KINDS) as heard:
                 for _ in range(_TRANSFERS):
+                    require_connection(self._vehicle)
                     sent = await self._send_all(kind, items, heard)
-                    if sent in {0, len(items)}:
+                    if sent == len(items):
                         break
         if sent < len(items):
             raise TimedOut(

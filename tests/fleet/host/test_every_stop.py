@@ -19,6 +19,7 @@ from fleet.host.process.robot_process import RobotProcess, RobotSpec
 from fleet.host.process.stop_service import serve_stops
 from fleet.host.requests.stop_cause import THE_KEY, local_cause
 from fleet.host.robot.local_robot import LocalRobot
+from fleet.host.runtime import threads
 from fleet.host.workers.remote_robot import RemoteRobot
 from fleet.model.geometry import Velocity
 from fleet.runtime.rate_limited_counter import RateLimitedCounter
@@ -251,8 +252,19 @@ async def come(puppet, way, state, payload, *, worker):
     way(rig, payload)
     for _ in range(12):
         await asyncio.sleep(0)
+    told = rig.puppet.told[before:]
     rig.journal.free.set()
-    return rig, rig.puppet.told[before:]
+    await threads_ended()
+    return rig, told
+
+
+async def threads_ended():
+    """Wait for the threads of a stop: what they still ask of the loop would come to a closed one."""
+    for one in threading.enumerate():
+        if one.name == threads.NAME:
+            one.join(HANGS)
+    for _ in range(12):
+        await asyncio.sleep(0)
 
 
 @pytest.fixture
