@@ -59,4 +59,4 @@ class EmergencyStopLatch:
         """Return why nothing may move, None when it may."""
         if not self._why:
             return self.held or None
-        return f"emergency stop is set ({self._why}); send {RELEASE} first"
+        return f"emergency stop is set ({self._why}); release it first: fleet release, or {RELEASE}"

@@ -8,7 +8,8 @@ def test_a_latch_stays_until_it_is_released_and_names_the_first_reason():
     latch.engage("the console")
     latch.engage("the cloud")
     assert latch.set
-    assert latch.refusal() == "emergency stop is set (the console); send release_emergency_stop first"
+    cure = "release it first: fleet release, or release_emergency_stop"
+    assert latch.refusal() == f"emergency stop is set (the console); {cure}"
     latch.release()
     assert latch.refusal() is None
 
