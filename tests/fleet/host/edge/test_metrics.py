@@ -152,8 +152,8 @@ async def test_a_taken_port_costs_the_figures_and_not_the_edge_until_it_is_free(
         edge = place.edge()
         async with run_edge(edge):
             await asks.until(lambda: place.words("rex") == ["run"])
+            await asks.until(lambda: f"metrics: 127.0.0.1:{port} cannot be opened" in edge.state().cause)
             assert edge.state().health == "degraded"
-            assert f"metrics: 127.0.0.1:{port} cannot be opened" in edge.state().cause
             taken.close()
             await asks.until(lambda: edge.metrics.port == port)
             await asks.until(lambda: "metrics: " not in edge.state().cause)

@@ -72,8 +72,8 @@ def an_input(device, **more):
 
 
 def is_heard(edge):
-    """Return whether nothing is wrong with the stop inputs; a busy computer has other problems to tell."""
-    return "stop input" not in edge.state().cause
+    """Return whether the stop inputs are heard and robots reached; the edge's own cause may be another."""
+    return not edge._stop_inputs.problem and all(state.reachable for state in edge.states())
 
 
 def stopped(edge, name):
