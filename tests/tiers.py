@@ -105,12 +105,16 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
 
 
 def lengthen(test: object) -> None:
-    """Have Hypothesis try a test with more examples; its ``settings`` decorator cannot be put on twice."""
+    """Have Hypothesis try a test with more examples, others each time.
+
+    Its ``settings`` decorator cannot be put on twice.
+    """
     function = getattr(test, "__func__", test)
     if not getattr(function, "is_hypothesis_test", False):
         return
     own = getattr(function, "_hypothesis_internal_use_settings", None) or settings()
-    function._hypothesis_internal_use_settings = settings(own, max_examples=SOAK * own.max_examples)
+    more = settings(own, max_examples=SOAK * own.max_examples, derandomize=False)
+    function._hypothesis_internal_use_settings = more
 
 
 class Waiting:

@@ -6,8 +6,6 @@ import asyncio
 import itertools
 import time
 from collections.abc import Callable, Container, Iterator, Mapping, Sequence
-from concurrent.futures import Future, ThreadPoolExecutor
-from typing import Any
 
 import msgspec
 
@@ -288,26 +286,6 @@ def _absent(task: RehearsalTask, there: Container[str]) -> Iterator[str]:
             yield f"{state.name} stays where it is, though it moves now"
 
 
-class _AtOnce(ThreadPoolExecutor):
-    """Makes calls that may block on the event loop's own thread: no time passes meanwhile."""
-
-    def submit(self, call: Callable[..., Any], /, *arguments: Any, **more: Any) -> Future[Any]:
-        """Make a call, and return its result."""
-        done: Future[Any] = Future()
-        try:
-            done.set_result(call(*arguments, **more))
-        except Exception as error:  # noqa: BLE001 - whoever waits is to have it
-            done.set_exception(error)
-        return done
-
-
-def _loop() -> JumpingLoop:
-    """Return an event loop in simulated time on which the same always happens at the same time."""
-    loop = JumpingLoop()
-    loop.set_default_executor(_AtOnce())
-    return loop
-
-
 def rehearse(
     task: RehearsalTask, tell: Callable[[RehearsalLine], None], within: float = WITHIN
 ) -> RehearsalLine:
@@ -316,7 +294,7 @@ def rehearse(
     async def carry_out() -> RehearsalResult:
         return await Rehearsal(task, tell, within).carry_out()
 
-    with asyncio.Runner(loop_factory=_loop) as runner:
+    with asyncio.Runner(loop_factory=JumpingLoop) as runner:
         try:
             return RehearsalLine(result=runner.run(carry_out()))
         except (Unrehearsable, FleetError) as error:

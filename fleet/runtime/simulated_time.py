@@ -8,6 +8,9 @@ from __future__ import annotations
 
 import selectors
 from asyncio import AbstractEventLoop, SelectorEventLoop
+from collections.abc import Callable
+from concurrent.futures import Future, ThreadPoolExecutor
+from typing import Any
 
 EPOCH = 1_800_000_000.0  # Unix s at which simulated time begins
 
@@ -44,12 +47,29 @@ class _Jumping(selectors.SelectSelector):
         return []
 
 
+class _AtOnce(ThreadPoolExecutor):
+    """Makes calls that may block on the event loop's own thread: no time passes meanwhile."""
+
+    def submit(self, call: Callable[..., Any], /, *arguments: Any, **more: Any) -> Future[Any]:
+        """Make a call, and return its result."""
+        done: Future[Any] = Future()
+        try:
+            done.set_result(call(*arguments, **more))
+        except Exception as error:  # noqa: BLE001 - whoever waits is to have it
+            done.set_exception(error)
+        return done
+
+
 class JumpingLoop(SelectorEventLoop):
-    """An event loop whose seconds pass as soon as nothing is left to do in them."""
+    """An event loop whose seconds pass as soon as nothing is left to do in them.
+
+    What is given to threads is done at once (``_AtOnce``): no thread races with time.
+    """
 
     def __init__(self) -> None:
         self._jumping = _Jumping()
         super().__init__(self._jumping)
+        self.set_default_executor(_AtOnce())
 
     def time(self) -> float:
         """Return the seconds that were jumped over, from a beginning of its own."""

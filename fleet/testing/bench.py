@@ -10,7 +10,7 @@ from collections.abc import AsyncIterator, Callable, Iterator
 from typing import Any
 
 from fleet.adapter import Adapter
-from fleet.host.runtime.loop_monitor import LoopMonitor
+from fleet.host.runtime.loop_monitor import LoopMonitor, LoopSilence
 from fleet.model.geometry import Velocity, rotate_to_world, wrap_angle
 from fleet.model.health import Level
 from fleet.model.report import PoseReport
@@ -19,7 +19,8 @@ from fleet.testing.probes import implausible
 from fleet.testing.robot import LoopRobot, RecordingRobot, serve
 
 BLOCKS = 0.4  # s for which the event loop may stand still; the dead-man fires after 0.5 s
-ONLINE_WITHIN = 30.0  # s; a simulator may have to start first
+LOOK = 0.02  # s between two looks at the event loop
+ONLINE_WITHIN = 60.0  # s; a simulator may have to start first
 STEP = 0.05  # s between two looks at the robot
 FRESH = 0.5  # s; a robot that stands may report no pose
 ENDS_WITHIN = 5.0  # s that the tasks of an attempt have to end
@@ -103,17 +104,18 @@ def _unblocked() -> Iterator[None]:
     """Watch the running loop from another thread; raises AssertionError with the place where it blocked."""
     loop = asyncio.get_running_loop()
     seen, done, places = LoopMonitor(loop), threading.Event(), set[str]()
-    alive = [time.monotonic(), seen.waited()]
+    turned = [time.monotonic()]
 
     def beat() -> None:
-        alive[:] = [time.monotonic(), seen.waited()]
+        turned[0] = time.monotonic()
         if not done.is_set():
-            loop.call_later(0.02, beat)
+            loop.call_later(LOOK, beat)
 
     def watch() -> None:
-        while not done.wait(0.02):
-            began, waited = alive
-            if time.monotonic() - began - (seen.waited() - waited) > BLOCKS:
+        silence = LoopSilence(LOOK)
+        while not done.wait(LOOK):
+            silence.look(time.monotonic(), turned[0], seen.cpu(), seen.waited())
+            if silence.blamed > BLOCKS:
                 places.add(seen.place())
 
     beat()

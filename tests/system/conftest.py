@@ -113,11 +113,11 @@ class Running:
         if self.process.poll() is None:
             self.process.send_signal(signal.SIGINT)
         with contextlib.suppress(subprocess.TimeoutExpired):
-            self.process.wait(30)
+            self.process.wait(DEADLINE)
         if self.process.poll() is None:
             self.process.kill()
             self.process.wait()
-            raise AssertionError("it did not end within 30 s of Ctrl-C: " + "\n".join(self.errors[-20:]))
+            raise AssertionError("it did not end after Ctrl-C: " + "\n".join(self.errors[-20:]))
         for reader in self._readers:
             reader.join()
         self.process.stdout.close()

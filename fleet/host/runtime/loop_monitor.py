@@ -51,6 +51,39 @@ class LoopMonitor:
         return f"{Path(last.filename).name}:{last.lineno} in {last.name}"
 
 
+class LoopSilence:
+    """How long an event loop has been silent through its own fault; looked at every ``period`` seconds.
+
+    A process that does not get the processor is silent too. Then this thread is late as well, so only the
+    time counts in which it was awake, or in which the loop's thread itself used the processor (a call that
+    keeps the interpreter to itself makes this thread late, too).
+    """
+
+    def __init__(self, period: float) -> None:
+        self._period = period
+        self._beat = 0.0
+        self._awake = 0.0
+        self._looked = 0.0
+        self._cpu = 0.0
+        self._waited = 0.0
+        self.blamed = 0.0  # s of it that are somebody's fault in here: the loop could have gone on
+
+    def look(self, now: float, beat: float, cpu: float, waited: float) -> float:
+        """Return the seconds of silence that count, at ``now`` (monotonic s).
+
+        ``beat``: the loop's last turn (monotonic s); ``cpu`` and ``waited``: of its thread, as
+        ``LoopMonitor`` tells them.
+        """
+        if beat != self._beat:
+            self._beat, self._cpu, self._waited = beat, cpu, waited
+            self._awake, self._looked = 0.0, now
+        self._awake += min(now - self._looked, 2 * self._period)
+        self._looked = now
+        silent = min(now - beat, max(self._awake, cpu - self._cpu))
+        self.blamed = max(silent - (waited - self._waited), cpu - self._cpu)
+        return silent
+
+
 def _is_library(filename: str) -> bool:
     """Return True for code that only carries out what somebody else asked."""
     return "/lib/python3" in filename and "/site-packages/" not in filename

@@ -16,6 +16,7 @@ from collections.abc import Callable
 import msgspec
 
 from fleet.clock import Clock
+from fleet.host.runtime.loop_monitor import LoopSilence
 from fleet.host.runtime.threads import HALT_WAIT, run_in_thread, run_in_turn
 from fleet.host.safety.deadman import DeadMan
 
@@ -57,34 +58,6 @@ class LoopWatch(msgspec.Struct, frozen=True):
 _END = operator.attrgetter("until")
 
 
-class _Silence:
-    """How long the loop has been silent through its own fault.
-
-    A process that does not get the processor is silent too. Then this thread is late as well, so only the
-    time counts in which it was awake, or in which the loop's thread itself used the processor (a call that
-    keeps the interpreter to itself makes this thread late, too).
-    """
-
-    def __init__(self) -> None:
-        self._beat = 0.0
-        self._awake = 0.0
-        self._looked = 0.0
-        self._cpu = 0.0
-        self._waited = 0.0
-        self.blamed = 0.0  # s of it that are somebody's fault in here: the loop could have gone on
-
-    def look(self, now: float, beat: float, cpu: float, waited: float) -> float:
-        """Return the seconds of silence that count, at ``now``."""
-        if beat != self._beat:
-            self._beat, self._cpu, self._waited = beat, cpu, waited
-            self._awake, self._looked = 0.0, now
-        self._awake += min(now - self._looked, 2 * PERIOD)
-        self._looked = now
-        silent = min(now - beat, max(self._awake, cpu - self._cpu))
-        self.blamed = max(silent - (waited - self._waited), cpu - self._cpu)
-        return silent
-
-
 class Watchdog:
     """The thread; robots are added while it runs."""
 
@@ -94,7 +67,7 @@ class Watchdog:
         self._robots: dict[str, Watched] = {}
         self._running: set[DeadMan] = set()  # those of the robots that hold a lease
         self._ended = threading.Event()
-        self._silence = _Silence()
+        self._silence = LoopSilence(PERIOD)
         self._named = ""
         self._looked = math.inf
         self._asleep = (0.0, -math.inf)  # from when to when the process last was

@@ -206,7 +206,7 @@ def test_what_is_sent_beside_the_loop_is_well_formed(hub, wire, frame_of):
 async def test_it_beats_with_an_id_of_its_own_until_it_is_left():
     beating = asyncio.Event()
     with MemoryRobot("hub-beat", lambda _: beating.set() or b"") as robot:
-        async with open_hub(["memory:hub-beat"], SystemClock(), 245, 191), asyncio.timeout(20):
+        async with open_hub(["memory:hub-beat"], SystemClock(), 245, 191), asyncio.timeout(60):
             await beating.wait()
         (beat,) = mav.MAVLink(None).parse_buffer(bytearray(robot.heard[0]))
         assert (beat.get_srcSystem(), beat.get_srcComponent()) == (245, 191)

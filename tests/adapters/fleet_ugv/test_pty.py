@@ -17,7 +17,7 @@ from fleet_ugv.sim.server import Bases
 from fleet_ugv.sim.spec import SimSpec
 
 FORWARD = Velocity(Vector3(0.3))
-WITHIN = 30.0  # s
+WITHIN = 60.0  # s
 DRIVER = """
 import asyncio, sys
 from fleet import Vector3, Velocity

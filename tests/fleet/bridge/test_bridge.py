@@ -24,8 +24,8 @@ OTHER = "6f0c9a1e-8d2b-4c57-9a39-2f4a1d0b7c12"
 T = f"cyberwave/twin/{TWIN}/"
 
 
-def settings(port, name=""):
-    return CloudSettings(host="127.0.0.1", port=port, tls=False, client_id=name, keepalive=1)
+def settings(port, name="", **more):
+    return CloudSettings(host="127.0.0.1", port=port, tls=False, client_id=name, **more)
 
 
 class Listener:
@@ -70,10 +70,10 @@ def make_bridge(background_loop, topics, ports):
     """Build bridges, and close what is still open."""
     made = []
 
-    def make_bridge(port, edge="yard-1", *, rules=None, clock=None):
+    def make_bridge(port, edge="yard-1", *, rules=None, clock=None, **connection):
         claims, put = [], []
         bridge = Bridge(
-            settings(port),
+            settings(port, **connection),
             topics,
             ports,
             edge=edge,
@@ -237,7 +237,7 @@ def test_an_edge_that_vanishes_is_told_by_its_will_and_taken_back_when_it_is_the
 ):
     listener = Listener(background_loop, broker.port)
     try:
-        make_bridge(broker.port)
+        make_bridge(broker.port, keepalive=1)  # s: so soon it knows that the broker has forgotten it
         (us,) = [name for name in broker.call(lambda: broker.broker.clients) if name != "listener"]
         broker.call(broker.broker.half_open, us)
         wait_until("the will is heard", lambda: "disconnected" in listener.telemetry())

@@ -22,9 +22,9 @@ TELEMETRY = f"cw/{TWIN}/data/telemetry"
 UNAVAILABLE = 0x88
 
 
-def settings(port, name):
+def settings(port, name, **more):
     return CloudSettings(
-        host="127.0.0.1", port=port, tls=False, client_id=name, keepalive=1, refused_backoff=(0.05, 0.1)
+        host="127.0.0.1", port=port, tls=False, client_id=name, refused_backoff=(0.05, 0.1), **more
     )
 
 
@@ -57,7 +57,7 @@ def make_bridge(background_loop, broker, topics, ports):
 
     def make_bridge(**spool):
         bridge = Bridge(
-            settings(broker.port, f"edge-{len(made)}"),
+            settings(broker.port, f"edge-{len(made)}", keepalive=1),  # s: so soon it notices an outage
             topics,
             ports,
             edge="yard-1",

@@ -94,7 +94,8 @@ def test_what_comes_is_followed_through_a_rotation(kept, place):
         [sys.executable, "-m", "fleet", "logs", "-f", "--json"], stdout=subprocess.PIPE, text=True
     )
     seen = []
-    threading.Thread(target=lambda: seen.extend(iter(process.stdout.readline, "")), daemon=True).start()
+    reader = threading.Thread(target=lambda: seen.extend(iter(process.stdout.readline, "")), daemon=True)
+    reader.start()
     try:
         wait_until("it is shown", lambda: any("before" in line for line in seen))
         for number in range(6):
@@ -102,7 +103,9 @@ def test_what_comes_is_followed_through_a_rotation(kept, place):
             wait_until("it is shown too", lambda expected=number + 2: len(seen) >= expected)
     finally:
         process.kill()
-        process.communicate()
+        process.wait()
+        reader.join()
+        process.stdout.close()
     assert [json.loads(line)["message"][:1] for line in seen] == ["b", "0", "1", "2", "3", "4", "5"]
 
 

@@ -11,7 +11,7 @@ from fleet.cloud.values import CloudSettings, CloudState
 from fleet.testing.waiting import wait_until
 from tests.tools.proxy import TcpProxy
 
-WITHIN = 30.0  # s
+WITHIN = 60.0  # s
 
 
 class Watched:

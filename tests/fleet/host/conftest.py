@@ -34,6 +34,7 @@ from fleet.model.report import BatteryReport, PoseReport, TelemetryReport
 from fleet.robot_config import Limits
 from fleet.testing.clock import ManualClock
 from fleet.testing.robot import RecordingRobot
+from fleet.testing.waiting import DEADLINE
 
 TWIN = "6f0c9a1e-0000-4000-8000-000000000001"
 
@@ -182,7 +183,7 @@ async def settle() -> None:
         await asyncio.sleep(0)
 
 
-async def until(condition: Callable[[], Any], within: float = 20.0) -> None:
+async def until(condition: Callable[[], Any], within: float = DEADLINE) -> None:
     """Wait until something holds; raises TimeoutError."""
     async with asyncio.timeout(within):
         while not condition():  # noqa: ASYNC110 - what is waited for has no event
@@ -364,7 +365,7 @@ async def running(edge: Edge) -> AsyncIterator[asyncio.Task[None]]:
         yield task
     finally:
         ended.set()
-        await asyncio.wait_for(task, 40)
+        await asyncio.wait_for(task, DEADLINE)
 
 
 @pytest.fixture

@@ -128,7 +128,7 @@ class Run:
         family += [each.pid for pid in family for each in psutil.Process(pid).children(recursive=True)]
         self.process.terminate()
         with contextlib.suppress(subprocess.TimeoutExpired):
-            self.process.wait(30)
+            self.process.wait(60)
         for pid in family:
             with contextlib.suppress(ProcessLookupError):
                 os.kill(pid, signal.SIGKILL)
@@ -163,7 +163,7 @@ class Run:
         key = keys.command(self.place.id, "rex")
         with contextlib.closing(self.place.bus_session()) as bus_session:
             return wait_until(
-                "an answer", lambda: [said for _, said in bus_session.ask(key, message, timeout=20)]
+                "an answer", lambda: [said for _, said in bus_session.ask(key, message, timeout=60)]
             )
 
     def drive(self):
@@ -208,8 +208,11 @@ def test_a_robot_without_a_watchdog_is_halted_when_its_process_is_killed(run, wo
     it.drive()
     killed = time.monotonic()
     os.kill(first, signal.SIGKILL)
-    halts = lambda: [at for at, word in it.cart.told if at > killed and word == "halt"]  # noqa: E731
-    assert wait_until("the halt", halts)[0] - killed < 0.5, "0.01 s on a quiet machine"
+    told = lambda: [word for at, word in it.cart.told if at > killed]  # noqa: E731
+    wait_until("the halt", lambda: "halt" in told())
+    assert not [word for word in told()[: told().index("halt")] if word.startswith("process")], (
+        "its supervisor halts it: nothing waits until it is run again, which takes seconds"
+    )
     it.line("has died; halted: rex")
     it.ready(after=first)
     assert not it.cart.moves
@@ -219,10 +222,9 @@ def test_a_robot_without_a_watchdog_is_halted_when_its_process_is_killed(run, wo
 def test_an_edge_that_was_killed_is_started_again(run):
     it = run("main")
     it.ready()
-    first, began = it.edge.pid, time.monotonic()
+    first = it.edge.pid
     os.kill(first, signal.SIGKILL)
     wait_until("it is started again", lambda: it.has_another_edge(first))
-    assert time.monotonic() - began < 1.0
     it.line("the edge ended .killed by SIGKILL.; it is started again")
     it.ready(after=first)
 

@@ -22,7 +22,7 @@ def of(kept, run):
     """Return what a run left behind."""
     found = queue.Queue()
     kept.of(run, found.put)
-    return found.get(timeout=20)
+    return found.get(timeout=60)
 
 
 def test_a_track_has_a_point_a_second_and_is_on_disk_with_the_run(kept):

@@ -36,7 +36,7 @@ def save(store, head, touched=(), notes=(), *, new=False, run="r1"):
     about = ABOUT if new else None
     change = Change(run, head, touched, notes, 1000.0, 1.5, about, PROGRAM if new else None)
     store.save(change, done.put)
-    return done.get(timeout=20)
+    return done.get(timeout=60)
 
 
 def test_a_run_is_found_as_it_was_by_the_next_process(store):
@@ -57,10 +57,10 @@ def test_an_ended_run_is_history_with_its_story(store):
     assert second.unfinished() == []
     told = queue.Queue()
     second.ended(10, told.put)
-    ((about, head, members),) = told.get(timeout=20)
+    ((about, head, members),) = told.get(timeout=60)
     assert (about.run, head.outcome, members[0].robot) == ("r1", RunOutcome.ABORTED, "kestrel")
     second.story("r1", told.put)
-    assert [line.text for line in told.get(timeout=20)] == ["one", "two"]
+    assert [line.text for line in told.get(timeout=60)] == ["one", "two"]
 
 
 def test_a_run_of_another_version_is_told_and_keeps_no_other_from_starting(store):
@@ -112,9 +112,9 @@ def test_only_so_many_ended_runs_are_kept(store, monkeypatch):
         head = Head(Phase.ENDED, outcome=RunOutcome.COMPLETED)
         change = Change(run, head, [], [Note("x")], 1000.0 + number, 0.0, about, PROGRAM)
         opened.save(change, done.put)
-        assert done.get(timeout=20)
+        assert done.get(timeout=60)
     told = queue.Queue()
     opened.ended(10, told.put)
-    assert [about.run for about, _, _ in told.get(timeout=20)] == ["r3", "r2"]
+    assert [about.run for about, _, _ in told.get(timeout=60)] == ["r3", "r2"]
     opened.story("r0", told.put)
-    assert told.get(timeout=20) == []
+    assert told.get(timeout=60) == []

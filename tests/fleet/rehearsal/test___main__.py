@@ -30,7 +30,7 @@ def test_it_reads_a_task_and_tells_the_result_last(field, process):
     *_, last = lines_of(process)
     here = msgspec.structs.replace(field().result(MISSION, {"eye": ["drone-1"]}), took=0.0)
     assert msgspec.structs.replace(last.result, took=0.0) == here, "the same in every process"
-    assert process.wait(20) == 0
+    assert process.wait(60) == 0
 
 
 def test_it_ends_when_nobody_waits_for_it(field, process):

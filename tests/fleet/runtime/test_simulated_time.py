@@ -29,6 +29,18 @@ def test_an_hour_passes_at_once_and_calls_come_in_their_order():
     assert time.monotonic() - began < 60
 
 
+def test_no_time_passes_while_a_call_that_blocks_is_made():
+    async def work():
+        clock = LoopClock(asyncio.get_running_loop())
+        ticking = asyncio.create_task(asyncio.sleep(0.02))
+        began = clock.monotonic()
+        await asyncio.to_thread(time.sleep, 0.05)
+        ticking.cancel()
+        return clock.monotonic() - began
+
+    assert in_simulated_time(work) == 0.0
+
+
 def test_what_another_thread_hands_over_wakes_a_loop_that_waits_for_nothing_else():
     async def work():
         loop, done = asyncio.get_running_loop(), asyncio.Event()

@@ -87,7 +87,7 @@ async def test_all_robots_live_by_one_wheel_and_are_taken_away_with_it(toys):
     stepped, step = asyncio.Event(), other.step
     other.step = lambda: (step(), other.steps == 3 and stepped.set())
     life = asyncio.create_task(toys.run())
-    await asyncio.wait_for(stepped.wait(), 20)
+    await asyncio.wait_for(stepped.wait(), 60)
     life.cancel()
     await asyncio.gather(life, return_exceptions=True)
     assert one.steps == other.steps

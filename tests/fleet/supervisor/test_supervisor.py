@@ -51,7 +51,7 @@ class Field:
 
     def end(self):
         self.child.close()
-        self.thread.join(20)
+        self.thread.join(60)
         self.ending.close()
 
 
@@ -218,7 +218,7 @@ def test_an_edge_whose_child_keeps_the_connection_open_is_dead_all_the_same(fiel
         socket.send_fds(edge, [protocol.encode(RegisterHalt("rex", (b"halt",)))], [kept.fileno()])
         wait_until("it is kept", lambda: any(peer.halts.robots for peer in field.supervisor._peers))
         field.child.close()
-        robot.settimeout(20)
+        robot.settimeout(60)
         assert robot.recv(100).startswith(b"halt")
     kept.close()
     robot.close()

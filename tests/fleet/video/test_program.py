@@ -67,7 +67,7 @@ async def ask(camera):
     async def ask(payload):
         question = FakeQuestion(payload)
         bus_session.calls["ask"](question)
-        await asyncio.wait_for(question.closed.wait(), 30)
+        await asyncio.wait_for(question.closed.wait(), 60)
         (answer,) = question.answers
         return answer
 
@@ -130,7 +130,7 @@ async def test_a_failure_of_our_own_is_told_and_the_next_one_is_served(ask, monk
 async def test_a_signal_that_cannot_be_used_is_told_and_changes_nothing(ask, caplog, suffix, sample):
     await ask({"command": "start_video"})
     ask.bus_session.calls[f"cw/{TWIN}/data/cloud/{suffix}"]("key", sample)
-    async with asyncio.timeout(30):
+    async with asyncio.timeout(60):
         while "was refused" not in caplog.text:  # noqa: ASYNC110 - what is waited for has no event
             await asyncio.sleep(0.01)
     assert ask.program._sender.told()["connection_state"] == "connecting"

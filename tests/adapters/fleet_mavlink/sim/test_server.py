@@ -41,7 +41,7 @@ class Listener(asyncio.DatagramProtocol):
 
 
 async def heard(listener, kind, *, system=1):
-    async with asyncio.timeout(20):
+    async with asyncio.timeout(60):
         while True:
             _, message = await listener.messages.get()
             if message.get_type() == kind and message.get_srcSystem() == system:
@@ -100,7 +100,7 @@ async def test_a_vehicle_that_cannot_be_is_answered_with_the_reason(server, line
 async def test_tcp_begins_with_text_and_goes_on_with_frames(server):
     station = await server.add_tcp(SimSpec("ardupilot", ready=0.0), 0)
     reader, writer = await asyncio.open_connection("127.0.0.1", port_of(station.url))
-    async with asyncio.timeout(20):
+    async with asyncio.timeout(60):
         assert (await reader.readexactly(18)) == b"\n\nInit ArduCopter "
         assert await reader.readuntil(b"\xfd")
     writer.close()

@@ -115,7 +115,9 @@ async def main(folder, began, trigger, kill):
         begins = starter({"patrol": mission_of("patrol", PATROL)}, runs, lambda then: then(), clock)
         fires = json.loads(trigger)
         configs = {"round": ScheduleConfig(mission="patrol", late="10 h", busy="queue", **fires)}
-        schedules = Schedules(configs, Store(folder), begins, clock=clock, tell=lambda _: None, stopped=dict)
+        kept = Store(folder)
+        kept.seen("round", configs["round"].digest(), began)  # however long it took to come here
+        schedules = Schedules(configs, kept, begins, clock=clock, tell=lambda _: None, stopped=dict)
         await schedules.begin()
         work = asyncio.create_task(schedules.run())
         while not work.done():

@@ -30,7 +30,7 @@ def ask(bus_session, key, message=b"", kind=None, **parameters):
     """Ask on the bus; returns the decoded answers."""
     payload = message if isinstance(message, bytes) else json.dumps(message).encode()
     given = parameters | ({"kind": kind} if kind else {})
-    return [answer for _, answer in bus_session.ask(key, payload, timeout=20, parameters=given)]
+    return [answer for _, answer in bus_session.ask(key, payload, timeout=60, parameters=given)]
 
 
 def command(bus_session, yard, robot, message, kind="command", **parameters):
@@ -169,7 +169,7 @@ def test_ctrl_c_ends_a_real_edge_in_order(yard):
         try:
             wait_until("both robots run", lambda: len(place.words()) == 2)
             edge.send_signal(signal.SIGINT)
-            assert edge.wait(30) == 0
+            assert edge.wait(60) == 0
         finally:
             edge.kill()
         assert "Traceback" not in edge.stderr.read()
@@ -188,7 +188,7 @@ async def test_an_emergency_stop_survives_the_edges_violent_death(yard, run_edge
         family = [psutil.Process(dying.pid), *psutil.Process(dying.pid).children(recursive=True)]
         for process in family:  # its supervisor first: nobody starts it again
             process.kill()
-        psutil.wait_procs(family, 20)
+        psutil.wait_procs(family, 60)
         await asyncio.to_thread(bus_session.close)
     edge = place.edge()
     async with run_edge(edge):

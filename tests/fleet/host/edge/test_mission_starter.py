@@ -71,7 +71,7 @@ def edge(tmp_path):
 def test_a_kill_between_recording_and_starting_neither_loses_nor_doubles(edge, kill, runs):
     edge.fires = {"once": datetime.fromtimestamp(time.time() + 200, UTC).isoformat()}
     with edge.process(kill) as process:
-        assert process.wait(20) == -signal.SIGKILL
+        assert process.wait(60) == -signal.SIGKILL
     (firing,), before = edge.firings(), edge.runs()
     assert (firing.state, len(before)) == (DUE, runs)
     with edge.process():

@@ -10,7 +10,7 @@ def asked(starts, made):
     """Ask for a mission; return why it did not begin."""
     answers = queue.Queue()
     starts.begin(made, Transport.BUS, lambda run, _roles, refusal: answers.put((run, refusal)))
-    run, refusal = answers.get(timeout=20)
+    run, refusal = answers.get(timeout=60)
     assert run == ""
     return refusal
 

@@ -62,7 +62,7 @@ def restarted(opened, make_bench):
 
 async def ended(answers):
     """Wait until an ask has ended, with the disk between."""
-    async with asyncio.timeout(20):
+    async with asyncio.timeout(60):
         while not answers:  # noqa: ASYNC110 - what is waited for has no event
             await asyncio.sleep(0.005)
 

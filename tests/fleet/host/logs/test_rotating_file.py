@@ -127,7 +127,7 @@ def test_a_line_of_any_level_waits_for_no_disk(opened, monkeypatch, level):
     began = time.monotonic()
     for _ in range(100):  # a stop of a hundred robots
         file.handle(record("the emergency stop was set", level))
-    assert time.monotonic() - began < 0.2
+    assert time.monotonic() - began < 10.0, "it would be 20 s for each line"
     free.set()
 
 
@@ -143,7 +143,7 @@ def test_the_last_words_of_a_process_wait_for_a_disk_that_hangs_for_a_bounded_ti
     root.addHandler(opened())
     began = time.monotonic()
     log_and_flush(logging.getLogger("fleet.host"), "this process ends now", within=0.1)
-    assert 0.1 <= time.monotonic() - began < 5.0
+    assert 0.1 <= time.monotonic() - began < 15.0, "the disk hangs for 20 s"
     free.set()
 
 

@@ -18,7 +18,7 @@ HERE = {"worker": "main", "stands": True}
 THERE = {"worker": "arm", "stands": True}
 GOTO = {"command": "goto", "position": [1.0, 2.0, 0.0]}
 ID = "start-1"
-LOADED = 1.0  # s by which a busy computer may be late; ``python -m bench together`` measures what it is
+LOADED = 2.0  # s by which a busy computer may be late; ``python -m bench together`` measures what it is
 
 
 class Asker:
@@ -34,7 +34,7 @@ class Asker:
         payload = json.dumps({**message, "action_id": robot, "timestamp": time.time()}).encode()
         given = {"kind": kind, "start": start, **parameters}
         replies = self.bus_session.ask(
-            keys.prepare(self.place.id, robot), payload, timeout=20, parameters=given
+            keys.prepare(self.place.id, robot), payload, timeout=60, parameters=given
         )
         self.answers[robot] = (msgspec.json.decode(reply, type=Reply) for _, reply in replies)
         return next(self.answers[robot])
@@ -50,7 +50,7 @@ class Asker:
         stamp = time.time() + ahead
         asked = msgspec.json.encode(StartAsked(start, stamp))
         found = {}
-        for _, answer in self.bus_session.ask(keys.starts(self.place.id), asked, timeout=5):
+        for _, answer in self.bus_session.ask(keys.starts(self.place.id), asked, timeout=60):
             found |= msgspec.json.decode(answer, type=StartAnswer).robots
         return stamp, found
 
@@ -138,22 +138,22 @@ def _cause():
 
 
 def _stop(place, bus_session, robot):
-    list(bus_session.ask(keys.command(place.id, robot), json.dumps({"command": "stop"}).encode(), timeout=5))
+    list(bus_session.ask(keys.command(place.id, robot), json.dumps({"command": "stop"}).encode(), timeout=60))
 
 
 def _emergency(place, bus_session, robot):
-    list(bus_session.ask(keys.stop(place.id), json.dumps([robot]).encode(), timeout=5))
+    list(bus_session.ask(keys.stop(place.id), json.dumps([robot]).encode(), timeout=60))
 
 
 def _emergency_and_release(place, bus_session, robot):
     _emergency(place, bus_session, robot)
     release = {"command": "release_emergency_stop", "data": {}, "timestamp": time.time()}
-    list(bus_session.ask(keys.command(place.id, robot), json.dumps(release).encode(), timeout=5))
+    list(bus_session.ask(keys.command(place.id, robot), json.dumps(release).encode(), timeout=60))
 
 
 def _drive(place, bus_session, robot):
     move = {"command": "move_forward", "data": {"linear_x": 0.1}, "timestamp": time.time()}
-    list(bus_session.ask(keys.command(place.id, robot), json.dumps(move).encode(), timeout=5))
+    list(bus_session.ask(keys.command(place.id, robot), json.dumps(move).encode(), timeout=60))
 
 
 @pytest.mark.parametrize("interrupt", [_stop, _emergency, _emergency_and_release, _drive])
@@ -216,7 +216,7 @@ async def test_a_message_that_is_old_is_not_prepared(serve):
         payload = json.dumps({**GOTO, "action_id": "a", "timestamp": time.time() - 60.0}).encode()
         key, given = keys.prepare(asker.place.id, "rex"), {"kind": "navigate", "start": ID}
         (answer,) = await asyncio.to_thread(
-            lambda: list(asker.bus_session.ask(key, payload, timeout=10, parameters=given))
+            lambda: list(asker.bus_session.ask(key, payload, timeout=60, parameters=given))
         )
         assert "60.0 s old" in msgspec.json.decode(answer[1], type=Reply).reason
 
@@ -263,7 +263,7 @@ async def test_every_process_tells_its_time(serve):
     async with serve(rex=HERE, arm=THERE) as (place, _, asker):
         asked = msgspec.json.encode(StartAsked())
         answers = await asyncio.to_thread(
-            lambda: list(asker.bus_session.ask(keys.starts(place.id), asked, timeout=5))
+            lambda: list(asker.bus_session.ask(keys.starts(place.id), asked, timeout=60))
         )
         found = {
             each.process: each.time for each in (msgspec.json.decode(a, type=StartAnswer) for _, a in answers)

@@ -270,7 +270,7 @@ async def test_what_the_battery_made_us_do_is_the_robots_health_with_its_cause(y
         await asks.until(lambda: "stop" in place.words("rex"))
         state = robot.state()
         assert (state.health, state.cause) == ("degraded", "stop by battery_policy: the battery was at 18 %")
-        assert "rex degraded: stop by battery_policy" in edge.state().cause
+        await asks.until(lambda: "rex degraded: stop by battery_policy" in edge.state().cause)
 
 
 MISSPELT = [

@@ -17,6 +17,7 @@ from fleet.testing.clock import ManualClock
 from fleet.testing.waiting import wait_until
 
 HERE = {"worker": "main"}
+TIMEOUT = 1.0  # s; a busy computer may keep the button's thread waiting for a part of it
 
 
 class Button:
@@ -67,7 +68,12 @@ def guarded(yard, run_edge, asks):
 
 
 def an_input(device, **more):
-    return {"name": "button", "kind": "serial", "device": device, "timeout": 0.3, **more}
+    return {"name": "button", "kind": "serial", "device": device, "timeout": TIMEOUT, **more}
+
+
+def is_heard(edge):
+    """Return whether the stop inputs are heard and robots reached; the edge's own cause may be another."""
+    return not edge._stop_inputs.problem and all(state.reachable for state in edge.states())
 
 
 def stopped(edge, name):
@@ -89,7 +95,7 @@ async def asked(edge, name, command, **data):
     edge.process.robots[name].read("command", json.dumps(message).encode(), way=Transport.CLOUD)(
         answers.append
     )
-    async with asyncio.timeout(20):
+    async with asyncio.timeout(60):
         while not answers:  # noqa: ASYNC110 - what is waited for has no event
             await asyncio.sleep(0.01)
     return answers[0]
@@ -99,12 +105,12 @@ async def test_robots_move_while_the_heartbeat_is_heard_and_are_stopped_without_
     place, edge, running = guarded(an_input(button.name))
     async with running:
         await asks.until(lambda: all(state.health == "ok" for state in edge.states()))
-        await asks.until(lambda: not edge.state().cause)
+        await asks.until(lambda: is_heard(edge))
         assert (await asked(edge, "rex", "move_forward", linear_x=0.5)).ok
         button.beats = False
         await asks.until(lambda: stopped(edge, "rex") and stopped(edge, "max"))
         await asks.until(lambda: {"halt", "stop"} <= set(place.words("rex")))
-        await asks.until(lambda: "stop input button: no heartbeat for 0.3 s" in edge.state().cause)
+        await asks.until(lambda: "stop input button: no heartbeat for 1 s" in edge.state().cause)
         refused = await asked(edge, "rex", "move_forward")
         assert "emergency stop is set (stop input button: no heartbeat" in refused.reason
 
@@ -114,14 +120,14 @@ async def test_a_stop_cannot_be_released_without_the_heartbeat_and_is_not_releas
 ):
     _, edge, running = guarded(an_input(button.name))
     async with running:
-        await asks.until(lambda: not edge.state().cause)
+        await asks.until(lambda: is_heard(edge))
         button.beats = False
         await asks.until(lambda: stopped(edge, "rex"))
         released = await asked(edge, "rex", "release_emergency_stop")
         assert not released.ok
-        assert released.reason == "stop input button: no heartbeat for 0.3 s"
+        assert released.reason == "stop input button: no heartbeat for 1 s"
         button.beats = True
-        await asks.until(lambda: not edge.state().cause)
+        await asks.until(lambda: is_heard(edge))
         assert stopped(edge, "rex")
         assert (await asked(edge, "rex", "release_emergency_stop")).ok
         assert not stopped(edge, "rex")
@@ -137,7 +143,7 @@ async def test_a_device_that_cannot_be_opened_stops_and_is_told_until_it_is_ther
         assert not (await asked(edge, "rex", "release_emergency_stop")).ok
         button = Button()
         device.symlink_to(button.name)
-        await asks.until(lambda: not edge.state().cause)
+        await asks.until(lambda: is_heard(edge))
         assert stopped(edge, "rex")
         assert (await asked(edge, "rex", "release_emergency_stop")).ok
     button.unplug()
@@ -146,7 +152,7 @@ async def test_a_device_that_cannot_be_opened_stops_and_is_told_until_it_is_ther
 async def test_a_device_that_is_pulled_out_stops_at_once(guarded, button, asks):
     _, edge, running = guarded(an_input(button.name, timeout=5.0))
     async with running:
-        await asks.until(lambda: not edge.state().cause)
+        await asks.until(lambda: is_heard(edge))
         pulled = time.monotonic()
         button.unplug()
         await asks.until(lambda: stopped(edge, "rex"))
@@ -156,7 +162,7 @@ async def test_a_device_that_is_pulled_out_stops_at_once(guarded, button, asks):
 async def test_an_input_stops_only_the_robots_that_it_names(guarded, button, asks):
     _, edge, running = guarded(an_input(button.name, robots=["rex"]))
     async with running:
-        await asks.until(lambda: not edge.state().cause)
+        await asks.until(lambda: is_heard(edge))
         button.beats = False
         await asks.until(lambda: stopped(edge, "rex"))
         assert not stopped(edge, "max")
@@ -169,13 +175,13 @@ async def test_bytes_that_are_not_the_heartbeat_let_nothing_move(guarded, button
     async with running:
         await asks.until(lambda: stopped(edge, "rex"))
         button.word = b"IVEAL"  # cut anywhere by the line
-        await asks.until(lambda: not edge.state().cause)
+        await asks.until(lambda: is_heard(edge))
 
 
 async def test_the_heartbeat_is_missed_while_the_event_loop_is_stuck(guarded, button, asks):
     place, edge, running = guarded(an_input(button.name))
     async with running:
-        await asks.until(lambda: not edge.state().cause)
+        await asks.until(lambda: is_heard(edge))
         assert (await asked(edge, "rex", "move_forward", linear_x=0.5)).ok
         before = place.words("rex").count("halt")
         button.beats = False
@@ -191,7 +197,7 @@ async def test_nothing_moves_before_the_first_heartbeat_and_no_stop_is_set_by_wa
         await asks.until(lambda: all(state.health == "ok" for state in edge.states()))
         assert "stop input button has not been heard yet" in (await asked(edge, "rex", "move_forward")).reason
         button.beats = True
-        await asks.until(lambda: not edge.state().cause)
+        await asks.until(lambda: is_heard(edge))
         assert not stopped(edge, "rex")
         assert (await asked(edge, "rex", "move_forward")).ok
 
@@ -201,7 +207,7 @@ async def asked_on_the_bus(place, edge, name, command):
     bus_session = await asyncio.to_thread(place.bus_session)
     key = f"fleet/{edge.state().edge}/robots/{name}/command"
     message = json.dumps({"command": command}).encode()
-    (answer,) = await asyncio.to_thread(lambda: list(bus_session.ask(key, message, timeout=20)))
+    (answer,) = await asyncio.to_thread(lambda: list(bus_session.ask(key, message, timeout=60)))
     await asyncio.to_thread(bus_session.close)
     return json.loads(answer[1])
 
@@ -217,7 +223,7 @@ async def test_a_robot_in_a_worker_is_held_from_its_start_until_the_heartbeat_is
         assert "stop input" in refused["reason"]  # not heard yet, or by now silent for too long
         assert "move" not in " ".join(place.words("max"))
         button.beats = True
-        async with asyncio.timeout(20):
+        async with asyncio.timeout(60):
             for command in (RELEASE, "move_forward"):
                 while (await asked_on_the_bus(place, edge, "max", command))["status"] != "accepted":
                     pass
@@ -227,14 +233,14 @@ async def test_a_robot_in_a_worker_is_stopped_too_and_is_not_released_meanwhile(
     place, edge, running = guarded(an_input(button.name), max_worker="other")
     async with running:
         await asks.until(lambda: all(state.health == "ok" for state in edge.states()))
-        await asks.until(lambda: not edge.state().cause)
+        await asks.until(lambda: is_heard(edge))
         button.beats = False
         await asks.until(lambda: "stop" in place.words("max"))
         await asks.until(lambda: stopped(edge, "max"))
-        async with asyncio.timeout(20):  # the edge's word that it is held may come a tenth of a second later
+        async with asyncio.timeout(60):  # the edge's word that it is held may come a tenth of a second later
             while (reply := await asked_on_the_bus(place, edge, "max", RELEASE))["status"] == "accepted":
                 pass
-        assert "no heartbeat for 0.3 s" in reply["reason"]
+        assert "no heartbeat for 1 s" in reply["reason"]
         await asks.until(lambda: stopped(edge, "max"))
 
 
@@ -253,7 +259,7 @@ def test_a_lost_heartbeat_holds_and_stops_before_it_is_logged(blocked_log):
         thread.start()
         wait_until("it is stopped while the log hangs", lambda: len(done) == 2)
         assert thread.is_alive()
-    thread.join(20)
+    thread.join(60)
     assert done == [("hold", why), ("stop", why)]
 
 

@@ -125,7 +125,7 @@ async def test_a_command_for_video_that_comes_again_is_passed_on_once(passed_on,
 def command(bus_session, yard, name):
     """Ask the robot rex on the bus."""
     payload = json.dumps({"command": name}).encode()
-    answers = bus_session.ask(keys.command(yard.id, "rex"), payload, timeout=20)
+    answers = bus_session.ask(keys.command(yard.id, "rex"), payload, timeout=60)
     return [msgspec.json.decode(answer, type=Reply) for _, answer in answers]
 
 

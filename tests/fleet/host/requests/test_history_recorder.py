@@ -195,7 +195,7 @@ async def ask(served, robot, message, **parameters):
     key = keys.command(served.place.id, robot)
 
     def answers():
-        return list(served.bus_session.ask(key, payload, timeout=20, parameters=parameters))
+        return list(served.bus_session.ask(key, payload, timeout=60, parameters=parameters))
 
     return await asyncio.to_thread(answers)
 
@@ -203,14 +203,14 @@ async def ask(served, robot, message, **parameters):
 async def history(served, **wanted):
     """Ask the edge for its history."""
     key, payload = keys.history(served.place.id), msgspec.json.encode(EventFilter(**wanted))
-    answers = await asyncio.to_thread(lambda: list(served.bus_session.ask(key, payload, timeout=20)))
+    answers = await asyncio.to_thread(lambda: list(served.bus_session.ask(key, payload, timeout=60)))
     return [record for _, part in answers for record in msgspec.json.decode(part, type=list[Record])]
 
 
 async def told(served, robot, kind, asks):
     """Wait until an event of a robot is in the history; returns it."""
     found = []
-    async with asyncio.timeout(20):
+    async with asyncio.timeout(60):
         while not found:
             found = [each for each in await history(served, robots=(robot,)) if each.kind is kind]
     return found[-1]
@@ -230,7 +230,7 @@ async def test_a_stop_on_the_stop_key_is_in_the_history_with_who_and_why(served,
     said = parameters_of("anna@desk", "fire in the hall", "s1")
     key, names = keys.stop("*"), json.dumps([robot]).encode()
     await asyncio.to_thread(
-        lambda: list(served.bus_session.ask(key, names, timeout=20, parameters=said, urgent=True))
+        lambda: list(served.bus_session.ask(key, names, timeout=60, parameters=said, urgent=True))
     )
     event = await told(served, robot, STOP, asks)
     assert (event.asker.name, event.data, event.request) == (
@@ -240,7 +240,7 @@ async def test_a_stop_on_the_stop_key_is_in_the_history_with_who_and_why(served,
     )
     state = next(each for each in served.edge.robots() if each.name == robot).state
     await asks.until(lambda: "fire in the hall" in state().stop_cause)
-    async with asyncio.timeout(20):
+    async with asyncio.timeout(60):
         while state().emergency_stop:  # one that comes too soon after the stop is refused
             await ask(served, robot, {"command": "release_emergency_stop"})
             await asyncio.sleep(0.1)

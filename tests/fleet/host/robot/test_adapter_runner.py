@@ -422,7 +422,7 @@ async def test_a_host_stops_though_a_run_ignores_its_end(stage, asks, monkeypatc
     one = stage(deaf_until(free))
     await asks.until(lambda: one.runner.health == Health())
     one.task.cancel()
-    await asyncio.wait({one.task}, timeout=20)
+    await asyncio.wait({one.task}, timeout=60)
     assert one.task.cancelled()
     assert one.runner.leftover is not None
     free.set()

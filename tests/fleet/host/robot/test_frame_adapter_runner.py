@@ -88,7 +88,7 @@ class Running:
         return start_command(self.adapter, commands[name], Command(name, data))
 
     async def outcome(self):
-        async with asyncio.timeout(20):
+        async with asyncio.timeout(60):
             await asyncio.wait([self.run])
         return self.run.exception()
 
@@ -217,7 +217,7 @@ async def test_a_listener_greets_the_first_speaker_and_ignores_strangers():
     machine = await open_link(url, lambda data, _: heard.put_nowait(data))
     stranger = await open_link(url, lambda data, _: heard.put_nowait(b"told a stranger " + data))
     machine.send(b"B1\n")
-    async with asyncio.timeout(20):
+    async with asyncio.timeout(60):
         assert await heard.get() == b"HELLO\n"
         stranger.send(b"B2\n")
         machine.send(b"B3\n")
@@ -286,7 +286,7 @@ class SlowLine:
         """Return all that has come, up to what must come last."""
         said = b""
         while not said.endswith(last):
-            assert select.select([self.machine], [], [], 20)[0], said
+            assert select.select([self.machine], [], [], 60)[0], said
             said += os.read(self.machine, 100)
         return said
 
@@ -437,7 +437,7 @@ async def test_a_command_is_done_when_the_robot_was_seen_to_have_done_it(gripper
     assert gripper.heard() == [b"HOLD\n"]
     assert not gripping.done()
     await says(gripper, b"AT held")
-    await asyncio.wait_for(gripping, 20)
+    await asyncio.wait_for(gripping, 60)
 
 
 async def test_what_was_seen_before_is_not_waited_for(gripper):

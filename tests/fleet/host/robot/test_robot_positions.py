@@ -150,7 +150,7 @@ async def test_robots_in_workers_are_judged_against_each_other_too(yard, run_edg
 
         def ask(robot, x):
             answers = bus_session.ask(
-                keys.command(fleet.id, robot), goal(x), timeout=10, parameters={"kind": "navigate"}
+                keys.command(fleet.id, robot), goal(x), timeout=60, parameters={"kind": "navigate"}
             )
             return [json.loads(answer) for _, answer in answers]
 

@@ -282,7 +282,7 @@ def test_what_is_read_between_two_slices_begins_before_the_second():
             scheduler.every(TICK, lambda name=name: work(name), owner=name, failed=refuse)
         scheduler.at_end(lambda: ["b" in done and ended.set()])
         scheduler.start()
-        await asyncio.wait_for(ended.wait(), 20)
+        await asyncio.wait_for(ended.wait(), 60)
         scheduler.stop()
 
     with near, far:
@@ -305,7 +305,7 @@ async def test_it_turns_on_a_real_loop_until_it_is_stopped():
     scheduler, turned = TickScheduler(asyncio.get_running_loop(), SystemClock()), asyncio.Event()
     scheduler.every(TICK, turned.set, owner="", failed=refuse)
     scheduler.start()
-    await asyncio.wait_for(turned.wait(), 20)
+    await asyncio.wait_for(turned.wait(), 60)
     scheduler.stop()
     turned.clear()
     await asyncio.sleep(3 * TICK)

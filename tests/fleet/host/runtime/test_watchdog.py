@@ -229,7 +229,7 @@ class Stuck:
         self.thread = LoopMonitor(asyncio.get_running_loop())
         self.deadman = DeadMan()
         self.halts, self.blamed, self.places = [], [], []
-        self.told = threading.Event()
+        self.told, self.halted = threading.Event(), threading.Event()
         self.dog = Watchdog(
             SystemClock(),
             LoopWatch(
@@ -241,7 +241,11 @@ class Stuck:
                 stuck=lambda name: None,
             ),
         )
-        self.dog.add("rex", Watched(self.deadman, lambda: self.halts.append(time.monotonic()), lambda: None))
+        self.dog.add("rex", Watched(self.deadman, self.halt, lambda: None))
+
+    def halt(self):
+        self.halts.append(time.monotonic())
+        self.halted.set()
 
     def blocked(self, name, seconds):
         self.places.append(self.thread.place())
@@ -271,33 +275,26 @@ def spin(until):
         pass
 
 
-def let(stuck, block):
-    """Return what blocks its caller until the block was told, at the longest 20 s."""
+def let(until, block):
+    """Return what blocks its caller until an event is set, at the longest 20 s."""
 
     def run():
-        timer = threading.Timer(20, stuck.told.set)
+        timer = threading.Timer(20, until.set)
         timer.start()
-        block(stuck.told)
+        block(until)
         timer.cancel()
 
     return run
 
 
-@pytest.mark.parametrize("block", ["sleep", "burn"])
+@pytest.mark.parametrize("block", [sleep, spin])
 async def test_a_velocity_ends_in_time_while_the_loop_is_stuck(stuck, block):
     lease = 0.3
     stuck.deadman.feed(time.monotonic(), lease)
     began = time.monotonic()
-    {"sleep": time.sleep, "burn": burn}[block](1.0)
+    let(stuck.halted, block)()
     (halted,) = stuck.halts
-    assert halted < time.monotonic() - 0.2
-    assert lease - 0.01 <= halted - began < 0.75
-
-
-def burn(seconds):
-    end = time.monotonic() + seconds
-    while time.monotonic() < end:
-        pass
+    assert lease - 0.01 <= halted - began < 5.0, "0.3 s on a quiet machine, while the loop is stuck"
 
 
 def as_robot(call):
@@ -365,7 +362,7 @@ async def in_a_link_callback(stuck, block):
     "place", [in_a_task, in_a_child_of_a_task, in_a_wheel_call, in_a_timer, in_a_link_callback]
 )
 async def test_who_blocks_the_loop_is_named_wherever_he_does_it(stuck, place, block):
-    await asyncio.wait_for(place(stuck, let(stuck, block)), 30)
+    await asyncio.wait_for(place(stuck, let(stuck.told, block)), 60)
     await asyncio.to_thread(join_aside)
     assert stuck.blamed == ["rex"]
     assert "test_watchdog.py" in stuck.places[0]

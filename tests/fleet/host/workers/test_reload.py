@@ -34,7 +34,7 @@ class Field:
     async def reload(self, adapter="toy", worker="limbs"):
         def ask():
             key = keys.reload(self.place.id, worker)
-            answers = self.bus_session.ask(key, adapter.encode(), timeout=40)
+            answers = self.bus_session.ask(key, adapter.encode(), timeout=60)
             return [msgspec.json.decode(answer, type=Reply) for _, answer in answers]
 
         (reply,) = await asyncio.to_thread(ask)
@@ -43,7 +43,7 @@ class Field:
     async def say(self, robot, message, kind="command"):
         def ask():
             key, payload = keys.command(self.place.id, robot), json.dumps(message).encode()
-            list(self.bus_session.ask(key, payload, timeout=20, parameters={"kind": kind}))
+            list(self.bus_session.ask(key, payload, timeout=60, parameters={"kind": kind}))
 
         await asyncio.to_thread(ask)
 
@@ -53,7 +53,7 @@ class Field:
         self.file.write_text(text.replace(old, new))
 
     async def until(self, condition):
-        await self._asks.until(condition, 30)
+        await self._asks.until(condition)
 
     def state(self, robot):
         return next(state for state in self.edge.states() if state.name == robot)
@@ -64,7 +64,7 @@ async def field(yard, run_edge, asks):
     place = yard(arm={"worker": "limbs"}, leg={"worker": "limbs"}, rex={"worker": "main"})
     edge = place.edge()
     async with run_edge(edge):
-        await asks.until(lambda: all(state.health == "ok" for state in edge.states()), 30)
+        await asks.until(lambda: all(state.health == "ok" for state in edge.states()))
         bus_session = await asyncio.to_thread(place.bus_session)
         yield Field(place, edge, bus_session, asks)
         await asyncio.to_thread(bus_session.close)

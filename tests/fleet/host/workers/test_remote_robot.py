@@ -164,7 +164,7 @@ def test_a_worker_that_is_back_is_stopped_again_before_it_is_logged(bench, block
         thread.start()
         wait_until("it is stopped while the log hangs", lambda: bench.stops == [["rex"]])
         assert thread.is_alive()
-    thread.join(20)
+    thread.join(60)
 
 
 def test_a_reply_on_its_way_back_asks_nothing(bench):
@@ -305,7 +305,7 @@ def test_a_health_that_nobody_knows_changes_nothing(bench, caplog):
 
 def test_whoever_asks_for_the_robot_hears_that_its_worker_is_gone(bench):
     bench.robot.worker_is("worker w: ended with exit code 1")
-    ((key, answer),) = bench.bus_session.ask(keys.state("*", "*"), b"", timeout=10.0)
+    ((key, answer),) = bench.bus_session.ask(keys.state("*", "*"), b"", timeout=60.0)
     state = msgspec.json.decode(answer, type=RobotState)
     assert (key, state.health) == (keys.state("yard", "rex"), "offline")
     assert state.cause == "worker w: ended with exit code 1"

@@ -35,7 +35,7 @@ def state_of(edge, name):
 def say(bus_session, place, robot, message, kind="command"):
     """Ask a robot on its own bus key; returns its replies."""
     key, payload = keys.command(place.id, robot), json.dumps(message).encode()
-    answers = bus_session.ask(key, payload, timeout=20, parameters={"kind": kind})
+    answers = bus_session.ask(key, payload, timeout=60, parameters={"kind": kind})
     return [msgspec.json.decode(answer, type=Reply) for _, answer in answers]
 
 
@@ -67,7 +67,7 @@ async def field(yard, run_edge, asks):
     place = yard(arm={}, rex={"worker": "main"})
     edge = place.edge()
     async with run_edge(edge):
-        await asks.until(lambda: all(state.health == "ok" for state in edge.states()), 30)
+        await asks.until(lambda: all(state.health == "ok" for state in edge.states()))
         bus_session = await asyncio.to_thread(place.bus_session)
         yield Field(place, edge, bus_session)
         await asyncio.to_thread(bus_session.close)
@@ -114,7 +114,7 @@ async def test_a_stop_that_comes_by_the_supervisor_reaches_a_robot_in_a_worker(y
     place, passing = yard(arm={}, rex={"worker": "main"}), Passing()
     edge = Edge(load(place.file), directory=place.runtime, clock=SystemClock(), supervised=passing)
     async with run_edge(edge):
-        await asks.until(lambda: all(state.health == "ok" for state in edge.states()), 30)
+        await asks.until(lambda: all(state.health == "ok" for state in edge.states()))
         passing.stop(StopRequest(names=("arm",), by="anna", why="smoke", request="r1"))
         await asks.until(lambda: "stop" in place.words("arm"))
         said = "asked by anna (claimed, on this computer): smoke"
@@ -155,7 +155,7 @@ async def test_the_end_of_the_edge_holds_who_moves_in_a_worker_and_ends_it(yard,
     place = yard(arm={})
     edge = place.edge()
     async with run_edge(edge):
-        await asks.until(lambda: state_of(edge, "arm").health == "ok", 30)
+        await asks.until(lambda: state_of(edge, "arm").health == "ok")
         bus_session = await asyncio.to_thread(place.bus_session)
         (reply,) = await asyncio.to_thread(say, bus_session, place, "arm", GOTO, "navigate")
         assert reply.ok
@@ -184,12 +184,12 @@ async def test_a_worker_that_fails_is_noticed_and_started_again_and_nothing_move
     began = time.monotonic()
     befall(field)
     await asks.until(lambda: state_of(field.edge, "arm").health == "offline")
-    # Twice the time that it takes on a quiet machine.
-    assert time.monotonic() - began < 2 * within
+    # A busy machine takes seconds more.
+    assert time.monotonic() - began < 5 * within
     assert "worker arm" in state_of(field.edge, "arm").cause
     (reply,) = await field.ask("rex", MOVE)
     assert reply.ok
-    await asks.until(lambda: state_of(field.edge, "arm").health == "ok", 30)
+    await asks.until(lambda: state_of(field.edge, "arm").health == "ok")
     assert len(field.place.processes("arm")) == 2
     assert not psutil.pid_exists(first)
     told = lambda: [word for pid, _, word in field.place.told("arm") if pid == field.worker]  # noqa: E731
@@ -264,7 +264,7 @@ async def test_a_worker_has_neither_the_clouds_token_nor_the_edges_environment(
     assert b"canary" not in task
     assert [robot["name"] for robot in msgspec.json.decode(task)["robots"]] == ["arm"]
     async with run_edge(edge):
-        await asks.until(lambda: state_of(edge, "arm").health == "ok", 40)
+        await asks.until(lambda: state_of(edge, "arm").health == "ok")
         (worker,) = place.processes("arm")
         process = psutil.Process(worker)
         assert "canary" not in json.dumps(process.environ())

@@ -17,7 +17,7 @@ from fleet.model.geometry import Vector3, Velocity
 from fleet.robot_config import AdapterConfig
 from fleet.testing.robot import RecordingRobot, serve
 
-WITHIN = 10.0  # s
+WITHIN = 60.0  # s
 
 
 @pytest.fixture

@@ -10,7 +10,7 @@ from paho.mqtt.packettypes import PacketTypes
 from paho.mqtt.properties import Properties
 from paho.mqtt.subscribeoptions import SubscribeOptions
 
-WITHIN = 20.0  # s
+WITHIN = 60.0  # s
 VERSIONS = {5: paho.MQTTv5, 311: paho.MQTTv311}
 
 

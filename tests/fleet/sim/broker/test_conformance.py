@@ -177,7 +177,7 @@ def test_a_delayed_will_is_not_published_when_the_client_comes_back(guest):
 def test_a_second_client_of_the_same_name_takes_over(guest, protocol):
     first, second = guest("twin", protocol=protocol).enter(), guest("twin", protocol=protocol)
     second.enter()
-    assert first.gone.wait(20)
+    assert first.gone.wait(60)
     second.subscribe("a", 1)
     second.publish("a", b"mine", 1)
     assert second.next().payload == b"mine"
