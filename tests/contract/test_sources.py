@@ -144,12 +144,7 @@ LARGER = {
     "adapters/fleet_mavlink/sim/autopilot.py:Autopilot": 47,
     "adapters/fleet_mavlink/sim/missions.py:SimMissions": 22,
     "adapters/fleet_mavlink/sim/px4.py:SimPx4": 32,
-    "adapters/fleet_quadruped/adapter.py:QuadrupedAdapter": 31,
-    "adapters/fleet_quadruped/body/machine.py:BodyStateMachine": 27,
-    "adapters/fleet_quadruped/control/controller.py:Controller": 29,
-    "adapters/fleet_quadruped/selfwalk/controller.py:SelfWalkController": 28,
     "adapters/fleet_quadruped/sim/cia402.py:SimDrive": 32,
-    "adapters/fleet_quadruped/sim/odrive.py:SimOdrive": 22,
     "adapters/fleet_ugv/adapter.py:UgvAdapter": 29,
 }
 """The classes that are still larger. The list may only become shorter, and its numbers smaller."""

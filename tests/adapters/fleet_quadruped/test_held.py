@@ -5,7 +5,7 @@ import pytest
 from fleet.errors import LinkLost, LinkRefused
 from fleet_quadruped.bench_tools import BenchSession
 from fleet_quadruped.body.gait import Twist
-from fleet_quadruped.body.machine import BodyRequest
+from fleet_quadruped.body.requests import BodyRequest
 from fleet_quadruped.control.loop import Loop
 from fleet_quadruped.control.orders import Order
 from fleet_quadruped.drives.base import Power
