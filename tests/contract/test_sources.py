@@ -132,7 +132,6 @@ LARGER = {
     "fleet/host/robot/local_robot.py:LocalRobot": 27,
     "fleet/host/robot/motion_guard.py:MotionGuard": 25,
     "fleet/host/robot/navigator.py:Navigator": 24,
-    "fleet/host/robot/separation_keeper.py:SeparationKeeper": 22,
     "fleet/missions/engine.py:Engine": 24,
     "fleet/sim/broker/connection.py:BrokerConnection": 22,
     "fleet/spool/queue.py:SpoolQueue": 34,
