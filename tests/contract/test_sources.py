@@ -133,7 +133,6 @@ LARGER = {
     "fleet/host/robot/motion_guard.py:MotionGuard": 25,
     "fleet/host/robot/navigator.py:Navigator": 24,
     "fleet/missions/engine.py:Engine": 24,
-    "fleet/sim/broker/connection.py:BrokerConnection": 22,
     "fleet/spool/queue.py:SpoolQueue": 34,
     "fleet/testing/contract.py:AdapterContract": 26,
     "adapters/fleet_mavlink/adapter.py:MavlinkAdapter": 24,
