@@ -134,7 +134,6 @@ LARGER = {
     "fleet/host/robot/navigator.py:Navigator": 24,
     "fleet/missions/engine.py:Engine": 24,
     "fleet/spool/queue.py:SpoolQueue": 34,
-    "fleet/testing/contract.py:AdapterContract": 26,
     "adapters/fleet_mavlink/adapter.py:MavlinkAdapter": 24,
     "adapters/fleet_mavlink/flight.py:Flight": 23,
     "adapters/fleet_mavlink/session.py:VehicleSession": 25,
