@@ -4,11 +4,8 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
-import threading
-from collections.abc import AsyncIterator, Callable, Mapping
+from collections.abc import AsyncIterator, Mapping
 from typing import Annotated
-
-import msgspec
 
 from fleet import (
     ZERO_VELOCITY,
@@ -18,26 +15,24 @@ from fleet import (
     JointRange,
     Level,
     Limits,
-    LinkLost,
     NotReady,
     Progress,
     Range,
     Refused,
     Robot,
     Separation,
-    TimedOut,
     Unsupported,
     Velocity,
     command,
     photograph,
 )
 from fleet_quadruped.any_description import AnyBody, load_body
-from fleet_quadruped.body.machine import BodyRequest
 from fleet_quadruped.body.posing import window
+from fleet_quadruped.body.requests import BodyRequest
+from fleet_quadruped.body_client import BodyClient
 from fleet_quadruped.config import QuadrupedConfig
-from fleet_quadruped.control.orders import Activity, DogState, Order
 from fleet_quadruped.process import BodyProcess
-from fleet_quadruped.reports import MotionReports, health_of, new_origin, slow_reports
+from fleet_quadruped.reports import BodyReporter
 from fleet_quadruped.robot.description import DogDescription
 from fleet_quadruped.robot.names import JOINTS
 
@@ -45,10 +40,8 @@ __all__ = ["QuadrupedAdapter", "QuadrupedConfig"]
 
 _FOREVER = 3600.0  # s: the host ends velocities; our own dead-man watches the host
 _ALIVE, _LOOK, _MOTION, _SLOW = 0.1, 0.02, 0.05, 1.0  # s between two of them
-_SILENT = 1.0  # s without a state after which the body controller counts as frozen
 _EMERGENCY = "emergency_stop"
 _LAMP = "lamp"  # the key of ``robot.state``: what was asked of the lamp outlives the body controller
-Condition = Callable[[], bool]
 _Height = Annotated[float, Range(-1.0, 1.0, "m")]  # the word says up or down; the body bounds it further
 _POSING = "posing"
 _LED = 0.3  # s that the body leads joints on after it was told to
@@ -70,44 +63,36 @@ class QuadrupedAdapter(Adapter[QuadrupedConfig]):
 
     def __init__(self, config: QuadrupedConfig, robot: Robot) -> None:
         super().__init__(config, robot)
-        self._order = Order(lamp=robot.state.get(_LAMP))
-        self._ordering = threading.Lock()  # halts come from other threads; held for an instant
-        self._state = DogState()
-        self._motion = MotionReports(config.trim)
-        self._origin = 0.0  # Unix s at which odometry began
-        self._heard = 0.0  # monotonic s: the newest state, or the start
-        self._news = asyncio.Event()
-        self._one_errand = asyncio.Lock()
+        self._body = BodyClient(robot, lamp=robot.state.get(_LAMP))
+        self._reporter = BodyReporter(robot, config.trim, lambda: self._body.state)
         self._serves = True  # its body controller runs
         self._dog: AnyBody
-        self._body: BodyProcess
 
     async def connect(self) -> None:
         """Start the body controller; raises LinkLost or LinkRefused."""
         robot = self.robot
         robot.health(Health(Level.OFFLINE, "its body controller has told no state yet"))
         self._dog = load_body(self.config.body_file)
-        self._body = await robot.enter(BodyProcess(self.config, self._dog.leave_time))
-        self._heard, self._origin = self._now(), robot.clock.time()
-        robot.report(new_origin(self._origin))
-        self._send()
-        robot.every(_ALIVE, self._send)
-        robot.every(_LOOK, self._look)
-        robot.every(_MOTION, self._report_motion)
-        robot.every(_SLOW, self._report_slow)
+        process = await robot.enter(BodyProcess(self.config, self._dog.leave_time))
+        self._reporter.begin()
+        self._body.begin(process, self._dog.dt)
+        robot.every(_ALIVE, self._body.send)
+        robot.every(_LOOK, self._body.look)
+        robot.every(_MOTION, self._reporter.report_motion)
+        robot.every(_SLOW, self._reporter.report_slow)
 
     async def run(self) -> None:
         """Wait until the body controller ends; raises LinkLost or LinkRefused with what it said."""
         try:
-            await self._body.ended()
+            await self._body.process.ended()
         finally:
             self._serves = False
 
     def drive(self, velocity: Velocity) -> None:
         """Walk like this from now on; only a dog that stands walks."""
-        if self._state.mode not in _STANDS and not velocity.is_zero:
-            raise NotReady(f"the dog is {self._state.mode}", hint="send stand_up first")
-        self._change(_walking(velocity, self._now()))
+        if self._body.state.mode not in _STANDS and not velocity.is_zero:
+            raise NotReady(f"the dog is {self._body.state.mode}", hint="send stand_up first")
+        self._body.change(_walking(velocity, self._body.now()))
 
     async def stop(self, reason: str) -> None:
         """Stand still; for an emergency stop give way with damping and go off, seen to be done.
@@ -118,23 +103,23 @@ class QuadrupedAdapter(Adapter[QuadrupedConfig]):
             return
         if reason == _EMERGENCY:
             self.emergency_halt()
-            number = self._order.stop
-            await self._until(lambda: self._state.stopped >= number, "the emergency stop")
+            number = self._body.order.stop
+            await self._body.until(lambda: self._body.state.stopped >= number, "the emergency stop")
             return
         self.halt()
-        await self._until(lambda: self._state.mode in _ANSWERED, "standing still", within=_STOPPED)
-        if self._state.mode == _RECOVERING:
+        await self._body.until(lambda: self._body.state.mode in _ANSWERED, "standing still", within=_STOPPED)
+        if self._body.state.mode == _RECOVERING:
             with contextlib.suppress(Refused):  # it has just come to its feet
-                await self._errand(BodyRequest.SIT)
-            await self._until(lambda: self._state.mode in _STILL, "standing still", within=_STOPPED)
+                await self._body.request(BodyRequest.SIT)
+            await self._body.until(lambda: self._body.state.mode in _STILL, "standing still", within=_STOPPED)
 
     def halt(self) -> None:
         """Order to stand still, in the posture that it has; from any thread."""
-        self._change(_still(self._now()), halts=1)
+        self._body.change(_still(self._body.now()), halts=1)
 
     def emergency_halt(self) -> None:
         """Order to give way with damping and go off, in the next cycle; from any thread."""
-        self._change(_still(self._now()), stops=1, halts=1)
+        self._body.change(_still(self._body.now()), stops=1, halts=1)
 
     # -- joints --------------------------------------------------------------------------------------
 
@@ -145,20 +130,20 @@ class QuadrupedAdapter(Adapter[QuadrupedConfig]):
             return {}
         margin, speed = dog.safety.margin, dog.safety.joint_speed
         bounds = tuple((joint.low + margin, joint.high - margin) for joint in dog.all_joints)
-        if self._state.posture:
-            bounds = window(dog, self._state.posture)
+        if self._body.state.posture:
+            bounds = window(dog, self._body.state.posture)
         return {name: JointRange(low, high, speed) for name, (low, high) in zip(JOINTS, bounds, strict=True)}
 
     def move_joints(self, targets: Mapping[str, float]) -> None:
         """Lead joints there; only a dog in joint_mode is led."""
-        if self._state.mode != _POSING:
-            raise NotReady(f"the dog is {self._state.mode}", hint="send joint_mode first")
+        if self._body.state.mode != _POSING:
+            raise NotReady(f"the dog is {self._body.state.mode}", hint="send joint_mode first")
         goal = tuple(targets.get(name) for name in JOINTS)
-        self._change({"joints": goal, "joints_until": self._now() + _LED})
+        self._body.change({"joints": goal, "joints_until": self._body.now() + _LED})
 
     def hold_joints(self) -> None:
         """Order to hold the joints where they are; joint_mode goes on. From any thread."""
-        self._change({"joints": ()})
+        self._body.change({"joints": ()})
 
     # -- commands ------------------------------------------------------------------------------------
 
@@ -179,32 +164,30 @@ class QuadrupedAdapter(Adapter[QuadrupedConfig]):
         """Hold the posture that it has, and let its joints be led a little from it, until any stop."""
         if self._dog is not None and not isinstance(self._dog, DogDescription):
             raise Unsupported("this machine moves its joints by itself")
-        await self._errand(BodyRequest.POSE)
+        await self._body.request(BodyRequest.POSE)
         yield Progress(0.0)
-        await self._until(lambda: self._state.mode == _POSING or self._off(), "joint_mode", within=4.0)
-        if self._off():
-            raise Fault(self._state.fault or f"it is {self._state.mode}")
+        await self._body.reach({_POSING}, "joint_mode", within=4.0)
 
     @command("recovery_stand", timeout=30.0)
     async def recovery_stand(self) -> AsyncIterator[Progress]:
         """Get up from whatever it lies on."""
-        await self._errand(BodyRequest.RECOVER)
+        await self._body.request(BodyRequest.RECOVER)
         yield Progress(0.0)
-        await self._standing()
+        await self._body.reach(_STANDS, "standing up", within=29.0)
 
     @command("reset_faults", timeout=3.0, moves=False)
     async def reset_faults(self) -> None:
         """Acknowledge latched faults, after a person has looked at the dog."""
-        await self._errand(BodyRequest.RESET)
+        await self._body.request(BodyRequest.RESET)
 
     @command("led_toggle", timeout=2.0, moves=False)
     async def led_toggle(self, *, enabled: bool | None = None) -> None:
         """Turn the lamp on or off; without data, the other way round."""
         if self._dog.led is None:
             raise Unsupported("this dog's description has no led")
-        lamp = not self._order.lamp if enabled is None else enabled
+        lamp = not self._body.order.lamp if enabled is None else enabled
         self.robot.state[_LAMP] = lamp
-        self._change({"lamp": lamp})
+        self._body.change({"lamp": lamp})
 
     @command("battery_check", timeout=2.0, moves=False)
     async def battery_check(self) -> None:
@@ -212,10 +195,9 @@ class QuadrupedAdapter(Adapter[QuadrupedConfig]):
         timeout = self._dog.battery_timeout
         if timeout is None:
             raise Unsupported("this dog's description has no battery")
-        if self._state.battery_age is None or self._state.battery_age > timeout:
+        if self._body.state.battery_age is None or self._body.state.battery_age > timeout:
             raise NotReady("the battery says nothing", hint="check its CAN frames")
-        for report in slow_reports(self._state, self.robot.clock.time(), self._origin):
-            self.robot.report(report)
+        self._reporter.report_slow()
 
     @command("take_photo", timeout=10.0, moves=False, safe=True)
     async def take_photo(self) -> None:
@@ -225,94 +207,18 @@ class QuadrupedAdapter(Adapter[QuadrupedConfig]):
     async def _rise_or_lower(self, delta_z: float | None, *, up: bool) -> AsyncIterator[Progress]:
         """Change the height, or all of the posture."""
         if delta_z is not None:
-            await self._errand(BodyRequest.HEIGHT, abs(delta_z) if up else -abs(delta_z))
+            await self._body.request(BodyRequest.HEIGHT, abs(delta_z) if up else -abs(delta_z))
             yield Progress(0.0)
             await asyncio.sleep(0)
             return
-        await self._errand(BodyRequest.STAND if up else BodyRequest.SIT)
+        await self._body.request(BodyRequest.STAND if up else BodyRequest.SIT)
         yield Progress(0.0)
-        await (self._standing() if up else self._lying())
-
-    async def _standing(self) -> None:
-        """Wait until the dog was seen to stand; raises Fault when it went off instead."""
-        await self._until(lambda: self._state.mode in _STANDS or self._off(), "standing up", within=29.0)
-        if self._off():
-            raise Fault(self._state.fault or f"it is {self._state.mode}")
-
-    async def _lying(self) -> None:
-        await self._until(lambda: self._state.mode == "off", "sitting down", within=11.0)
-        if self._state.fault:
-            raise Fault(self._state.fault)
-
-    def _off(self) -> bool:
-        return self._state.mode in {"off", "damped"}
-
-    async def _errand(self, ask: BodyRequest, value: float = 0.0) -> None:
-        """Ask the body for something; raises Refused with its reason."""
-        async with self._one_errand:
-            number = self._order.activity.number + 1
-            self._change({"activity": Activity(number, ask, value)})
-            await self._until(lambda: self._state.answered >= number, ask.value)
-            if self._state.refusal:
-                raise Refused(self._state.refusal)
-
-    async def _until(self, condition: Condition, what: str, within: float = 2.0) -> None:
-        """Wait for a state; raises TimedOut."""
-        try:
-            async with asyncio.timeout(within):
-                while not condition():
-                    self._news.clear()
-                    await self._news.wait()
-        except TimeoutError:
-            raise TimedOut(f"{what}: the dog is {self._state.mode} after {within:g} s") from None
-
-    # -- the body ------------------------------------------------------------------------------------
-
-    def _send(self) -> None:
-        """Send the newest order again; that it is fresh is what keeps the dog walking."""
-        self._change({})
-
-    def _change(self, changes: Mapping[str, object], *, stops: int = 0, halts: int = 0) -> None:
-        """Change and send the order, whole, from any thread; so many stops are added."""
-        with self._ordering:
-            counted = {"stop": self._order.stop + stops, "halts": self._order.halts + halts}
-            self._order = msgspec.structs.replace(self._order, **changes, **counted, alive=self._now())
-            self._body.orders.put(self._order)
-
-    def _now(self) -> float:
-        """Return monotonic seconds, which are the same in the body controller's process."""
-        return self.robot.clock.monotonic()
-
-    def _look(self) -> None:
-        """Take the newest state; raises LinkLost when the body controller tells none any more."""
-        before = self._state
-        self._state = self._body.states.get()
-        self._check_alive()
-        if self._state is not before and self._state.stamp:  # before the first state nothing is known
-            self._news.set()
-            health = health_of(self._state, 1.0 / self._dog.dt)
-            if before.stamp == 0.0 or health != health_of(before, 1.0 / self._dog.dt):
-                self.robot.health(health)
-
-    def _check_alive(self) -> None:
-        """Say at once that the body controller is frozen, and end the run; raises LinkLost."""
-        self._heard = max(self._heard, self._state.stamp)
-        silent = self._now() - self._heard
-        if silent > _SILENT:
-            cause = f"the body controller is frozen: it has told nothing for {silent:.1f} s"
-            self.robot.health(Health(Level.OFFLINE, cause))
-            raise LinkLost(cause)
-
-    def _report_motion(self) -> None:
-        if self._state.stamp:
-            clock = self.robot.clock
-            for report in self._motion.reports(self._state, clock.time() - clock.monotonic()):
-                self.robot.report(report)
-
-    def _report_slow(self) -> None:
-        if self._state.stamp:
-            for report in slow_reports(self._state, self.robot.clock.time(), self._origin):
-                self.robot.report(report)
+        if up:
+            await self._body.reach(_STANDS, "standing up", within=29.0)
+            return
+        await self._body.until(lambda: self._body.state.mode == "off", "sitting down", within=11.0)
+        if self._body.state.fault:
+            raise Fault(self._body.state.fault)
 
 
 def _still(now: float) -> dict[str, object]:

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from fleet import Clock, Quaternion
-from fleet_quadruped.body.machine import BodyRequest
 from fleet_quadruped.body.probing import HOLD_TIME, look_times
+from fleet_quadruped.body.requests import BodyRequest
 from fleet_quadruped.commissioning import Observation
 from fleet_quadruped.control.orders import Activity, DogState, Order
 from fleet_quadruped.robot.description import DogDescription

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 
 from fleet import (
     BatteryReport,
@@ -15,6 +15,7 @@ from fleet import (
     MetricsReport,
     PoseReport,
     Quaternion,
+    Robot,
     Vector3,
 )
 from fleet_quadruped.control.orders import DogState
@@ -53,6 +54,34 @@ class MotionReports:
         if state.felt > self._felt and state.gyro is not None and state.accel is not None:
             self._felt = state.felt
             yield ImuReport(epoch + state.felt, Vector3(*state.gyro), Vector3(*state.accel))
+
+
+class BodyReporter:
+    """Reports the states of a body controller; ``state`` returns the newest one."""
+
+    def __init__(self, robot: Robot, trim: float, state: Callable[[], DogState]) -> None:
+        self._robot = robot
+        self._state = state
+        self._motion = MotionReports(trim)
+        self._origin = 0.0  # Unix s at which odometry began
+
+    def begin(self) -> None:
+        """Report that odometry begins anew."""
+        self._origin = self._robot.clock.time()
+        self._robot.report(new_origin(self._origin))
+
+    def report_motion(self) -> None:
+        """Report what changes all the time, once there is a state."""
+        if self._state().stamp:
+            clock = self._robot.clock
+            for report in self._motion.reports(self._state(), clock.time() - clock.monotonic()):
+                self._robot.report(report)
+
+    def report_slow(self) -> None:
+        """Report what changes slowly, once there is a state."""
+        if self._state().stamp:
+            for report in slow_reports(self._state(), self._robot.clock.time(), self._origin):
+                self._robot.report(report)
 
 
 def new_origin(stamp: float) -> LogReport:

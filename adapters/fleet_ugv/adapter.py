@@ -6,7 +6,6 @@ import asyncio
 import contextlib
 import math
 from collections.abc import Mapping, Sequence
-from types import MappingProxyType
 from typing import Annotated, ClassVar, TypeVar
 
 from fleet import (
@@ -27,13 +26,13 @@ from fleet import (
     photograph,
 )
 from fleet.sim.process import SimProcess
+from fleet_ugv.accessories import MOUNT, CameraMount, Lamps
 from fleet_ugv.board import Board, Inbox
-from fleet_ugv.codecs.waveshare import GIMBAL_SPEED
 from fleet_ugv.config import UgvConfig
 from fleet_ugv.observer import Observer
 from fleet_ugv.odometry import POSE, WheelOdometry
 from fleet_ugv.sim.rehearsed import simulated_base
-from fleet_ugv.sim.spec import SimSpec, spec_of
+from fleet_ugv.sim.spec import spec_of
 
 GivenT = TypeVar("GivenT")
 
@@ -44,13 +43,6 @@ _Level = Annotated[int, Range(0, 255, "(full brightness)")]
 _Levels = Annotated[list[int], Range(0, 255, "(full brightness)")]
 _Pan = Annotated[float, Range(-math.pi, math.pi, "rad")]
 _Tilt = Annotated[float, Range(-math.pi / 6, math.pi / 2, "rad")]
-MOUNT: Mapping[str, JointRange] = MappingProxyType(
-    {
-        "pan": JointRange(-math.pi, math.pi, GIMBAL_SPEED),
-        "tilt": JointRange(-math.pi / 6, math.pi / 2, GIMBAL_SPEED),
-    }
-)
-"""Joints of the camera mount: the firmware's ranges, and the speed that is sent with each angle."""
 _Delta = Annotated[float, Range(-math.tau, math.tau, "rad")]
 
 
@@ -67,9 +59,8 @@ class UgvAdapter(Adapter[UgvConfig]):
         super().__init__(config, robot)
         if config.base.timeout is not None:
             self.failsafe = f"its firmware stops {config.setting.timeout:g} s after the last velocity"
-        self._lamps = (0, 0)
-        self._camera = (0.0, 0.0)
-        self._led = False  # the camera was moved by joint targets since its last absolute command
+        self._lamps = Lamps()
+        self._mount = CameraMount()
         # Where the robot is outlives its cable.
         self._odometry = WheelOdometry(config.scale, config.base.fastest, robot.state.get(POSE))
         self._board: Board
@@ -97,12 +88,9 @@ class UgvAdapter(Adapter[UgvConfig]):
         if not self.config.simulated:
             return self.config.link
         simulator = await self.robot.enter(self.robot.share(SIMULATOR, lambda: SimProcess(SIMULATOR)))
-        return await self.robot.enter(simulator.robot(self._spec()))
-
-    def _spec(self) -> SimSpec:
-        """Return the specification of the simulated base in the link's URL."""
         setting = self.config.setting
-        return spec_of(self.config.link, ticks=setting.ticks, diameter=setting.diameter)
+        spec = spec_of(self.config.link, ticks=setting.ticks, diameter=setting.diameter)
+        return await self.robot.enter(simulator.robot(spec))
 
     def drive(self, velocity: Velocity) -> None:
         """Hold this body velocity; a sideways part is dropped."""
@@ -127,18 +115,11 @@ class UgvAdapter(Adapter[UgvConfig]):
 
     def move_joints(self, targets: Mapping[str, float]) -> None:
         """Turn the mount; a joint that is not named keeps its target. Angles are sent in whole degrees."""
-        pan, tilt = self._aimed()
-        self._turn_camera(targets.get("pan", pan), targets.get("tilt", tilt))
-        self._led = True
+        self._mount.lead(self._board, targets)
 
     def hold_joints(self) -> None:
         """Stop the mount where it is; from any thread."""
         self._board.hold_gimbal()
-
-    def _aimed(self) -> tuple[float, float]:
-        """Return the start of a relative turn: the last commanded angles, or the measured ones."""
-        mount = self._board.observer.mount
-        return mount if self._led and mount is not None else self._camera
 
     # -- lamps, camera, display ----------------------------------------------------------------------
 
@@ -162,56 +143,48 @@ class UgvAdapter(Adapter[UgvConfig]):
         camera = _first(camera_light, io5, pair[1], both)
         if chassis is None and camera is None:
             raise Refused("lights says no brightness", hint="pwm=0 to 255, or chassis_light and camera_light")
-        self._set_lamps(
-            self._lamps[0] if chassis is None else chassis, self._lamps[1] if camera is None else camera
-        )
+        self._lamps.set(self._board, chassis=chassis, camera=camera)
 
     @command("chassis_light_toggle", moves=False, safe=True, timeout=2.0)
     async def chassis_light_toggle(self) -> None:
         """Switch the chassis lamp on or off."""
-        self._set_lamps(_toggled(self._lamps[0]), self._lamps[1])
+        self._lamps.set(self._board, chassis=_toggled(self._lamps.chassis))
 
     @command("camera_light_toggle", moves=False, safe=True, timeout=2.0)
     async def camera_light_toggle(self) -> None:
         """Switch the camera lamp on or off."""
-        self._set_lamps(self._lamps[0], _toggled(self._lamps[1]))
+        self._lamps.set(self._board, camera=_toggled(self._lamps.camera))
 
     @command("led_toggle", moves=False, safe=True, timeout=2.0)
     async def led_toggle(self) -> None:
         """Switch both lamps on, or off when one is on."""
-        level = _toggled(max(self._lamps))
-        self._set_lamps(level, level)
-
-    def _set_lamps(self, chassis: int, camera: int) -> None:
-        """Write both lamp levels and store them."""
-        board = self._board
-        board.write(board.codec.lights(chassis, camera))
-        self._lamps = (chassis, camera)
+        level = _toggled(max(self._lamps.chassis, self._lamps.camera))
+        self._lamps.set(self._board, chassis=level, camera=level)
 
     @command("camera_up", moves=False, timeout=2.0)
     async def camera_up(self) -> None:
         """Tilt the camera up by 0.1 rad."""
-        self._nudge(tilt=NUDGE)
+        self._mount.turn_by(self._board, tilt=NUDGE)
 
     @command("camera_down", moves=False, timeout=2.0)
     async def camera_down(self) -> None:
         """Tilt the camera down by 0.1 rad."""
-        self._nudge(tilt=-NUDGE)
+        self._mount.turn_by(self._board, tilt=-NUDGE)
 
     @command("camera_left", moves=False, timeout=2.0)
     async def camera_left(self) -> None:
         """Pan the camera left by 0.1 rad."""
-        self._nudge(pan=-NUDGE)
+        self._mount.turn_by(self._board, pan=-NUDGE)
 
     @command("camera_right", moves=False, timeout=2.0)
     async def camera_right(self) -> None:
         """Pan the camera right by 0.1 rad."""
-        self._nudge(pan=NUDGE)
+        self._mount.turn_by(self._board, pan=NUDGE)
 
     @command("camera_default", moves=False, timeout=2.0)
     async def camera_default(self) -> None:
         """Turn the camera straight ahead."""
-        self._turn_camera(0.0, 0.0)
+        self._mount.turn(self._board, 0.0, 0.0)
 
     @command("camera_servo", moves=False, timeout=2.0)
     async def camera_servo(
@@ -223,23 +196,12 @@ class UgvAdapter(Adapter[UgvConfig]):
         tilt_delta: _Delta = 0.0,
     ) -> None:
         """Turn the camera to pan and tilt (rad, right and up positive), or by their deltas."""
-        at = self._aimed()
-        self._turn_camera(
-            (at[0] if pan is None else pan) + pan_delta, (at[1] if tilt is None else tilt) + tilt_delta
+        at = self._mount.aimed(self._board)
+        self._mount.turn(
+            self._board,
+            (at[0] if pan is None else pan) + pan_delta,
+            (at[1] if tilt is None else tilt) + tilt_delta,
         )
-
-    def _nudge(self, *, pan: float = 0.0, tilt: float = 0.0) -> None:
-        """Turn the camera a little further."""
-        at = self._aimed()
-        self._turn_camera(at[0] + pan, at[1] + tilt)
-
-    def _turn_camera(self, pan: float, tilt: float) -> None:
-        """Turn the camera, within the range of the mount."""
-        board = self._board
-        camera = (min(max(pan, -math.pi), math.pi), min(max(tilt, -math.pi / 6), math.pi / 2))
-        board.write(board.codec.gimbal(round(math.degrees(camera[0])), round(math.degrees(camera[1]))))
-        self._camera, self._led = camera, False
-        board.observer.camera = camera
 
     @command("oled_ctrl", moves=False, safe=True, timeout=2.0)
     async def oled_ctrl(self, *, text: str = "") -> None:

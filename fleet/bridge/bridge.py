@@ -100,7 +100,12 @@ class Bridge:
             session=session,
             send=self.voice.answer,
             put=put,
-            own={**self._takers(), **handlers},
+            own={
+                "edge_health": self._heard_heartbeat,
+                "ping:request": self._heard_ping,
+                "pong:response": self._heard_pong,
+                **handlers,
+            },
             refusals=self.refusals,
             clock=clock,
         )
@@ -204,14 +209,6 @@ class Bridge:
                 self._tell_gap(gap)
         self.client.flush_queued()
 
-    def _takers(self) -> Mapping[str, Callable[[Topic, CloudMessage], None]]:
-        """Return what takes, by its suffix, what is for the bridge itself."""
-        return {
-            "edge_health": self._heard_heartbeat,
-            "ping:request": self._heard_ping,
-            "pong:response": self._heard_pong,
-        }
-
     def _will(self) -> Will | None:
         """Return what the broker says when we vanish; a connection has one will, so for one twin."""
         for port in self._ports.values():
@@ -267,13 +264,9 @@ class Bridge:
         level = logging.WARNING if fallen or deaf else logging.INFO
         log.log(level, "cloud %s%s", state.value, f": {cause}" if cause else "")
         if state is CloudState.CONNECTED:
-            self._say_newest()
+            self.uplink.say_newest()
+            self.client.flush_queued()  # how everything is now, before what waited meanwhile
             self._say_who_is_connected()
-
-    def _say_newest(self) -> None:
-        """Say how everything is now, before what waited meanwhile."""
-        self.uplink.say_newest()
-        self.client.flush_queued()
 
     def _say_who_is_connected(self) -> None:
         """Take back the will: the broker may have told everybody that we vanished.

@@ -18,7 +18,7 @@ import math
 import re
 import struct
 import typing
-from collections.abc import AsyncIterator, Iterator, Mapping
+from collections.abc import AsyncIterator, Mapping
 from typing import Any, ClassVar
 
 import msgspec
@@ -27,13 +27,13 @@ from pydantic import ValidationError
 
 from fleet.adapter import Adapter, AdapterConfig, FrameAdapter
 from fleet.commands import CommandSpec, arguments
-from fleet.errors import CommandError, LinkError, Refused
+from fleet.errors import Refused
 from fleet.host.robot.adapter_factory import AdapterClass, capabilities, create_adapter
 from fleet.link.framing import DatagramFraming
 from fleet.link.memory import MemoryRobot
 from fleet.model.geometry import ZERO_VELOCITY, Vector3, Velocity
 from fleet.testing.bench import ONLINE_WITHIN, STEP, Bench, connected
-from fleet.testing.operator import PERIOD
+from fleet.testing.motion import MotionTrial, trial_velocities
 from fleet.testing.probes import (
     containers_of,
     implausible,
@@ -46,9 +46,6 @@ from fleet.testing.probes import (
 from fleet.testing.robot import LoopRobot, RecordingRobot
 from fleet.testing.wires import Datagrams, OneByteAtATime
 
-STOP_WITHIN = 5.0  # s that the host gives a stop
-STILL = 0.3  # s for which it must stand before it counts as standing: legs take a last step
-GOES_ON = 1.0  # s for which a robot that was stopped is watched
 TALKS = 0.2  # s between two words of a robot in memory
 STAMP = 1_800_000_000.0  # Unix s
 EXTREMES = tuple(
@@ -131,22 +128,22 @@ class AdapterContract:
         assert (self.adapter.__doc__ or "").strip()
 
     def test_every_command_has_a_plain_name_and_a_bounded_time(self) -> None:
-        for name, spec in self._commands().items():
+        for name, spec in capabilities(self.adapter).commands.items():
             assert re.fullmatch(r"[a-z][a-z0-9_]*", name), name
             assert 0 < spec.timeout < math.inf, name
 
     def test_every_command_method_says_what_it_does(self) -> None:
-        assert [name for name, spec in self._commands().items() if not spec.summary] == []
+        assert [name for name, spec in capabilities(self.adapter).commands.items() if not spec.summary] == []
 
     def test_every_number_of_a_command_has_a_range_and_a_unit(self) -> None:
-        for name, spec in self._commands().items():
+        for name, spec in capabilities(self.adapter).commands.items():
             fields = msgspec.structs.fields(spec.parameters)
             numbers = [field.name for field in fields if _is_number(field.type)]
             assert [each for each in numbers if each not in spec.ranges] == [], f"{name} needs a Range"
             assert all(bounds.unit and bounds.least < bounds.most for bounds in spec.ranges.values()), name
 
     def test_data_that_a_command_does_not_know_is_refused_before_anything_moves(self) -> None:
-        for spec in self._commands().values():
+        for spec in capabilities(self.adapter).commands.values():
             if spec.moves and not spec.safe:
                 with pytest.raises(Refused, match="takes no 'no_such_field'"):
                     arguments(spec, {"no_such_field": 1})
@@ -164,7 +161,7 @@ class AdapterContract:
                     unless_refused(bench.adapter.drive, velocity)
                     in_time(bench.adapter.halt)
                 in_time(bench.adapter.emergency_halt)
-                await self._stopped(bench)
+                await self.motion(bench).stop()
 
         asyncio.run(live())
 
@@ -172,62 +169,20 @@ class AdapterContract:
         async def live() -> None:
             async with self.bench() as bench:
                 await self.prepare(bench)
-                await self._stands(bench, "though nobody has asked it to move")
-                for name, stop in (("stop", self._stopped), ("halt from another thread", self._halted)):
-                    for wanted in self._trials():
-                        await self._drives(bench, wanted)
-                        await stop(bench)
-                        await self._stands(bench, f"after a {name}")
+                motion = self.motion(bench)
+                await motion.expect_still("though nobody has asked it to move")
+                for name, stop in (("stop", motion.stop), ("halt from another thread", motion.halt)):
+                    for wanted in trial_velocities(self.make_config(), self.adapter):
+                        await motion.drive(wanted)
+                        await stop()
+                        await motion.expect_still(f"after a {name}")
 
         if capabilities(self.adapter).drives:
             asyncio.run(live())
 
-    def _trials(self) -> Iterator[Velocity]:
-        """Yield the velocities that are tried: a third of what the limits allow, ahead and turning."""
-        limits = self.make_config().limits.over(self.adapter.limits)
-        yield Velocity(Vector3((limits.speed or 1.0) / 3))
-        if limits.yaw_rate:
-            yield Velocity(yaw_rate=limits.yaw_rate / 3)
-
-    async def _stopped(self, bench: Bench) -> None:
-        """Stop the robot as the host does; raises AssertionError for what a stop may not raise."""
-        try:
-            async with asyncio.timeout(STOP_WITHIN):
-                await bench.adapter.stop("stop")
-        except (CommandError, LinkError):
-            pass
-        except TimeoutError:
-            raise AssertionError(f"stop does not return within {STOP_WITHIN:g} s") from None
-
-    async def _halted(self, bench: Bench) -> None:
-        """Halt the robot from another thread, as the dead-man does while the event loop is stuck."""
-        in_time(bench.adapter.halt)
-
-    async def _drives(self, bench: Bench, wanted: Velocity) -> None:
-        """Ask for a velocity as a stick does until the robot has it."""
-        for _ in range(round(self.settles / PERIOD)):
-            bench.adapter.drive(wanted)
-            await bench.pass_time(PERIOD)
-            if near(self.velocity(bench), wanted):
-                return
-        raise AssertionError(f"asked for {wanted}, the robot does {self.velocity(bench)}; unit, axis, sign?")
-
-    async def _stands(self, bench: Bench, when: str) -> None:
-        """See that the robot stands, and goes on standing though a dead-man would have ended any lease."""
-        looks = round(STILL / STEP)
-        for _ in range(round(self.settles / STEP)):
-            await bench.pass_time(STEP)
-            looks = looks - 1 if self._is_still(bench) else round(STILL / STEP)
-            if looks == 0:
-                break
-        for _ in range(round(GOES_ON / STEP)):
-            await bench.pass_time(STEP)
-            assert self._is_still(bench), f"it moves {when}: {self.velocity(bench)}"
-
-    def _is_still(self, bench: Bench) -> bool:
-        """Return True for a robot that stands, or whose velocity is unknown."""
-        velocity = self.velocity(bench)
-        return velocity is None or near(velocity, ZERO_VELOCITY)
+    def motion(self, bench: Bench) -> MotionTrial:
+        """Return what moves and stops the robot of a test."""
+        return MotionTrial(bench, lambda: self.velocity(bench), self.settles)
 
     def test_a_robot_that_drives_says_how_fast(self) -> None:
         can = capabilities(self.adapter)
@@ -236,10 +191,6 @@ class AdapterContract:
     def test_two_robots_share_no_state(self) -> None:
         mine, other = self.make(), self.make()
         assert containers_of(mine).isdisjoint(containers_of(other))
-
-    def _commands(self) -> Mapping[str, CommandSpec]:
-        """Return what the adapter declares."""
-        return capabilities(self.adapter).commands
 
 
 class FrameContract(AdapterContract):
@@ -286,12 +237,12 @@ class FrameContract(AdapterContract):
                     self.machine.say(noise)
                 await bench.pass_time(STEP)
                 if self.adapter.drives():
-                    await self._stands(bench, "because of noise")
+                    await self.motion(bench).expect_still("because of noise")
 
         asyncio.run(live())
 
     def test_a_command_that_is_declared_not_to_move_it_does_not_move_it(self) -> None:
-        still = [spec for spec in self._commands().values() if not spec.moves]
+        still = [spec for spec in capabilities(self.adapter).commands.values() if not spec.moves]
         for spec in still if self.adapter.drives() else ():
             frames = unless_refused(self._performed, self.inner(), spec) or []
             moving = [frame for frame in frames if isinstance(frame, bytes) and self._moves(frame)]
@@ -370,7 +321,7 @@ class FrameContract(AdapterContract):
         before, used = told(), self.inner()
         for frame in self.frames():
             list(used.decode(frame, STAMP))
-        for velocity in self._trials() if self.adapter.drives() else ():
+        for velocity in trial_velocities(self.make_config(), self.adapter) if self.adapter.drives() else ():
             self._encoded(used, velocity)
         assert told() == before
 

@@ -123,6 +123,7 @@ ELSEWHERE = {
     "supervisor/notices.py": "fleet/supervisor/test_supervisor.py",
     "supervisor/stop_request.py": "fleet/supervisor/test_supervisor.py",
     "testing/bench.py": "fleet/testing/test_planted_bugs.py",
+    "testing/motion.py": "fleet/testing/test_contract.py",
     "testing/probes.py": "fleet/testing/test_contract.py",
     "testing/waiting.py": "system/test_sdk.py",
     "video/peer.py": "fleet/video/test_sender.py",

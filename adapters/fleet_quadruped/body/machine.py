@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import enum
-import math
 from collections.abc import Callable, Mapping
 from typing import ClassVar
 
@@ -12,35 +11,29 @@ import msgspec
 from fleet_quadruped.body.gait import Twist
 from fleet_quadruped.body.lowering import Lowering
 from fleet_quadruped.body.measured import ZEROS, Sense, Targets
-from fleet_quadruped.body.motion import PostureMotion, folding, rising, rolling, sitting
+from fleet_quadruped.body.motion import PostureMotion, folding, rising, sitting
 from fleet_quadruped.body.posing import Goal, Posing
 from fleet_quadruped.body.probing import probing
+from fleet_quadruped.body.recovery import Recovery
+from fleet_quadruped.body.requests import (
+    ALREADY,
+    ENTERED,
+    STANDS,
+    STARTED,
+    UPRIGHT_FROM,
+    BodyRequest,
+    refusal,
+)
 from fleet_quadruped.body.walk import Walker
 from fleet_quadruped.robot.description import DogDescription
 from fleet_quadruped.safety.stages import POSED, UPRIGHT, Mode, Stage, Trip, forced
 
 _ENABLE_TIME = 1.0  # s
 _SETTLE_TIME = 0.5  # s
-_UPRIGHT = 0.85  # of the body's z axis that must point up before it rises
-_TRIES = 5
-_LEVEL = 0.15  # rad that a dog may be tilted where it is checked
 _LEANS_POSED = 0.25  # rad at which its joints are led no further: it holds, and leans no more
 _LEANS = 0.35  # rad at which a check ends: it is sent to half of that
-_STANDS = frozenset({Mode.STANDING, Mode.WALKING})
 _NOT_WALKED = POSED | {Mode.RISING}
 _LIES = frozenset({Mode.ENABLING, Mode.SETTLING})  # nothing is to be lowered, so nothing moves
-
-
-class BodyRequest(enum.StrEnum):
-    """What the body can be asked."""
-
-    STAND = "stand"
-    SIT = "sit"
-    RECOVER = "recover"
-    CHECK = "check"
-    HEIGHT = "height"
-    POSE = "pose"
-    RESET = "reset"
 
 
 class Wish(enum.Enum):
@@ -62,10 +55,7 @@ class Wanted(msgspec.Struct, frozen=True, gc=False):
 
 
 class BodyStateMachine:
-    """One dog's body. ``fault`` is the latched cause of the last hard stop, empty without one.
-
-    ``tries``: how often it has rolled since it was asked to recover.
-    """
+    """One dog's body. ``fault`` is the latched cause of the last hard stop, empty without one."""
 
     def __init__(self, dog: DogDescription) -> None:
         self._dog = dog
@@ -77,7 +67,7 @@ class BodyStateMachine:
         self._since = 0.0  # s in this mode
         self._motion: PostureMotion | None = None
         self._lowering: Lowering | None = None
-        self.tries = 0
+        self.recovery = Recovery(dog)
         self._reset = False
         self.posing: Posing | None = None  # in POSING and HELD
         self.goal: Goal = ()  # where its joints are led now
@@ -86,7 +76,24 @@ class BodyStateMachine:
 
     def ask(self, ask: BodyRequest, value: float, sense: Sense) -> str:
         """Take something that is asked; return why not, empty when it is being done (or was already)."""
-        return self._ASKS[ask](self, value, sense)
+        if self.mode in ALREADY.get(ask, ()):
+            return ""
+        if (ask, self.mode) in ENTERED:
+            self._enter(ENTERED[ask, self.mode])
+            return ""
+        if ask is BodyRequest.HEIGHT:
+            stands = self.mode in STANDS
+            return self.walker.change_height(value) if stands else f"it is {self.mode.value}; stand up first"
+        if ask is BodyRequest.RESET:
+            return self._reset_faults()
+        if ask in {BodyRequest.STAND, BodyRequest.POSE} and self._change_posture(ask):
+            return ""
+        can_roll = self._dog.poses.roll_near is not None
+        refused = refusal(ask, self.mode, self.fault, sense.imu, can_roll=can_roll)
+        if not refused:
+            self._after = STARTED[ask]
+            self._enter(Mode.ENABLING)
+        return refused
 
     def trip(self, trip: Trip) -> None:
         """Stop as hard as the trip says; a hard one is latched."""
@@ -110,99 +117,29 @@ class BodyStateMachine:
         """Let a dog down that was found held by its drives, and take the torque off."""
         self._enter(Mode.DAMPED)
 
-    def _stand(self, _value: float, sense: Sense) -> str:
-        if self.mode in _STANDS or self.mode is Mode.RISING:
-            return ""
-        if self.mode in POSED and self.posing is not None:
-            self._leave_posture(self.posing)
-            return ""
-        if self.mode is not Mode.OFF:
-            return f"it is {self.mode.value}"
-        if self.fault:
-            return f"a fault is latched: {self.fault}; look at the dog, then send reset_faults"
-        if sense.imu is not None and sense.imu.up < _UPRIGHT:
-            return "it is not upright; send recovery_stand, or check how its IMU is mounted"
-        self._after = Mode.RISING
-        self._enter(Mode.ENABLING)
-        return ""
+    def _change_posture(self, ask: BodyRequest) -> bool:
+        """Lead the joints of a dog that stands, or stand again as before, slowly; False in another mode.
 
-    def _leave_posture(self, posing: Posing) -> None:
-        """Stand as before, slowly, or stand up if it lies."""
-        self.mode, posing.leaves = Mode.HELD, posing.stands
-        if not posing.stands:
-            self._enter(Mode.RISING)
-
-    def _pose(self, _value: float, sense: Sense) -> str:
-        """Let its joints be led; return why not, empty when they are."""
-        if self.mode in POSED:
-            self.mode = Mode.POSING
-            if self.posing is not None:
-                self.posing.leaves = False
-            return ""
-        if self.mode is Mode.STANDING:
+        One whose joints were led while it lay stands up instead.
+        """
+        if ask is BodyRequest.POSE and self.mode is Mode.STANDING:
             self._enter(Mode.POSING)
             self.posing = Posing(self._dog, self._dog.stance(self.walker.height), stands=True)
-            return ""
-        if self.mode is not Mode.OFF:
-            return f"it is {self.mode.value}; stop it first"
-        if self.fault:
-            return f"a fault is latched: {self.fault}; look at the dog, then send reset_faults"
-        if sense.imu is not None and sense.imu.up < _UPRIGHT:
-            return "it is not upright; put it on its belly"
-        return self._power_up(Mode.POSING)
+            return True
+        posing = self.posing
+        if self.mode not in POSED:
+            return False
+        if ask is BodyRequest.POSE:
+            self.mode = Mode.POSING
+            if posing is not None:
+                posing.leaves = False
+        elif posing is not None:
+            self.mode, posing.leaves = Mode.HELD, posing.stands
+            if not posing.stands:
+                self._enter(Mode.RISING)
+        return ask is BodyRequest.POSE or posing is not None
 
-    def _recover(self, _value: float, sense: Sense) -> str:
-        """Get up from whatever it lies on; return why not, empty when it does."""
-        if self.mode in _STANDS:
-            return ""
-        if self.mode is not Mode.OFF:
-            return f"it is {self.mode.value}"
-        if self.fault:
-            return f"a fault is latched: {self.fault}; look at the dog, then send reset_faults"
-        if sense.imu is None:
-            return "without an IMU nobody knows how it lies"
-        if sense.imu.up < _UPRIGHT and self._dog.poses.roll_near is None:
-            return "it is not upright and its description has no roll poses; put it on its feet"
-        return self._power_up(Mode.RECOVERING)
-
-    def _check(self, _value: float, sense: Sense) -> str:
-        """Make the small moves that show signs and offsets; return why not, empty when it does."""
-        if self.mode is not Mode.OFF:
-            return f"it is {self.mode.value}"
-        if self.fault:
-            return f"a fault is latched: {self.fault}; look at the dog, then send reset_faults"
-        if sense.imu is None:
-            return "without an IMU nobody knows how it lies"
-        if sense.imu.tilt > _LEVEL:
-            return f"it lies tilted by {sense.imu.tilt:.2f} rad; put it on a level floor, on its belly"
-        return self._power_up(Mode.CHECKING)
-
-    def _power_up(self, after: Mode) -> str:
-        self._after, self.tries = after, 0
-        self._enter(Mode.ENABLING)
-        return ""
-
-    def _sit(self, _value: float, _sense: Sense) -> str:
-        if self.mode in {Mode.OFF, Mode.SITTING, Mode.SETTLING}:
-            return ""
-        if self.mode is Mode.RECOVERING:  # it lies already, and gives way as it does
-            self._enter(Mode.SETTLING)
-            return ""
-        if self.mode not in _STANDS | POSED:
-            return f"it is {self.mode.value}"
-        self._enter(Mode.SITTING)
-        return ""
-
-    def _height(self, value: float, _sense: Sense) -> str:
-        if self.mode not in _STANDS:
-            return f"it is {self.mode.value}; stand up first"
-        if not math.isfinite(value):
-            return f"{value} is no height"
-        gait = self._dog.gait
-        self.walker.wanted_height = max(gait.lowest, min(gait.highest, self.walker.wanted_height + value))
-        return ""
-
-    def _reset_faults(self, _value: float, _sense: Sense) -> str:
+    def _reset_faults(self) -> str:
         if self._lowering is not None and self._lowering.stuck:  # a person holds the dog, and it lets go
             self._enter(Mode.OFF)
         if self.mode is not Mode.OFF:
@@ -298,11 +235,19 @@ class BodyStateMachine:
         return Wanted(Wish.LOWER, targets)
 
     def _recovering(self, dt: float, sense: Sense, _twist: Twist, _waiting: str) -> Wanted:
+        """Rise when upright; else roll."""
+        motion = self._motion = self._motion or self.recovery.begin(sense.angles)
+        targets = motion.step(dt)
+        if not motion.done or sense.imu is None:
+            return Wanted(Wish.HOLD, targets)
+        if sense.imu.up >= UPRIGHT_FROM:
+            self._enter(Mode.RISING)
+            return Wanted(Wish.HOLD, targets)
+        self._motion = self.recovery.roll(sense.imu.roll, targets.angles)
         if self._motion is None:
-            self._motion = folding(self._dog, sense.angles)
-        targets = self._motion.step(dt)
-        if self._motion.done and sense.imu is not None:
-            self._next_try(sense.imu.up, sense.imu.roll, targets)
+            tries = self.recovery.tries
+            cause = f"recovery: still not upright after {tries} tries; its IMU may be mounted wrongly"
+            self.trip(Trip(Stage.DAMP, cause))
         return Wanted(Wish.HOLD, targets)
 
     def _checking(self, dt: float, sense: Sense, _twist: Twist, _waiting: str) -> Wanted:
@@ -315,32 +260,6 @@ class BodyStateMachine:
             self.trip(Trip(Stage.DAMP, f"check: leans by {sense.imu.tilt:.2f} rad, where it is not sent"))
         return Wanted(Wish.HOLD, targets)
 
-    def _next_try(self, up: float, roll: float, targets: Targets) -> None:
-        """Rise when upright; else roll, to the other side at every second try."""
-        if up >= _UPRIGHT:
-            self._enter(Mode.RISING)
-            return
-        if self.tries >= _TRIES or self._dog.poses.roll_near is None:
-            self.trip(
-                Trip(
-                    Stage.DAMP,
-                    f"recovery: still not upright after {self.tries} tries; its IMU may be mounted wrongly",
-                )
-            )
-            return
-        to_left = (roll > 0) == (self.tries % 2 == 0)
-        self.tries += 1
-        self._motion = rolling(self._dog, targets.angles, to_left=to_left)
-
-    _ASKS: ClassVar[Mapping[BodyRequest, Callable[[BodyStateMachine, float, Sense], str]]] = {
-        BodyRequest.STAND: _stand,
-        BodyRequest.SIT: _sit,
-        BodyRequest.RECOVER: _recover,
-        BodyRequest.CHECK: _check,
-        BodyRequest.HEIGHT: _height,
-        BodyRequest.RESET: _reset_faults,
-        BodyRequest.POSE: _pose,
-    }
     _STEPS: ClassVar[Mapping[Mode, Callable[[BodyStateMachine, float, Sense, Twist, str], Wanted]]] = {
         Mode.OFF: _off,
         Mode.ENABLING: _enabling,

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 from fleet_quadruped.body.balance import GRAVITY
 from fleet_quadruped.body.gait import Steps, Twist
 from fleet_quadruped.body.legs import Point
@@ -52,6 +54,14 @@ class Walker:
         self._ramped = self._added = Twist()
         self.height = self.wanted_height = height
         self._last = None
+
+    def change_height(self, change: float) -> str:
+        """Go higher by ``change`` (m), within the gait's heights; return why not, empty when it does."""
+        if not math.isfinite(change):
+            return f"{change} is no height"
+        gait = self._dog.gait
+        self.wanted_height = max(gait.lowest, min(gait.highest, self.wanted_height + change))
+        return ""
 
     @property
     def time_to_stand(self) -> float:

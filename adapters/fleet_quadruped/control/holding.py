@@ -1,4 +1,4 @@
-"""Which drives may carry the dog, and which buses are silent: what decides whether the torque may go off."""
+"""What drives say, in words: which may carry the dog, failed, or are not enabled; which buses are silent."""
 
 from __future__ import annotations
 
@@ -30,3 +30,28 @@ def silent_bus(joints: Sequence[Joint], ages: Sequence[float], most: float) -> s
         if age <= most:
             buses.pop(joint.bus, None)
     return next(iter(buses), "")
+
+
+def failed(joints: Sequence[Joint], told: Joints) -> str:
+    """Return which drive has a fault, empty when none has."""
+    if Power.FAULT not in told.powers:
+        return ""
+    number = told.powers.index(Power.FAULT)
+    return f"{joints[number].name}: {told.faults[number] or 'its drive reports a fault'}"
+
+
+def not_enabled(joints: Sequence[Joint], told: Joints) -> str:
+    """Return which drive is not enabled yet, and why; empty when all are."""
+    if told.all_enabled:
+        return ""
+    number = next(number for number, power in enumerate(told.powers) if power is not Power.ENABLED)
+    why = told.faults[number] or f"wanted enabled, the drive is {told.powers[number].value}"
+    return f"{joints[number].name}: {why}"
+
+
+def silent_joint(joints: Sequence[Joint], ages: Sequence[float], most: float) -> str:
+    """Return the drive that has been silent for more than ``most`` s; empty without one."""
+    for joint, age in zip(joints, ages, strict=True):
+        if age > most:
+            return f"{joint.name}: no feedback from id {joint.id} on bus {joint.bus}"
+    return ""

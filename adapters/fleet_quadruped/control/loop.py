@@ -29,7 +29,9 @@ _WAIT = 0.002  # s on one bus before the next is looked at
 class Controlled(Protocol):
     """One cycle of a dog: one that moves its legs by our drives, or one that walks by itself."""
 
-    clamped: int
+    @property
+    def clamped(self) -> int:
+        """How many targets the limits changed."""
 
     @property
     def dt(self) -> float:

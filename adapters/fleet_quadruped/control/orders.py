@@ -8,7 +8,7 @@ from typing import Literal
 import msgspec
 
 from fleet_quadruped.body.gait import Twist
-from fleet_quadruped.body.machine import BodyRequest
+from fleet_quadruped.body.requests import BodyRequest
 
 
 class Activity(msgspec.Struct, frozen=True):

@@ -7,6 +7,7 @@ import math
 from fleet import CanFrame, Quaternion, Vector3, quaternion_from_euler
 from fleet_quadruped.body.measured import Imu
 from fleet_quadruped.frames import FrameDecoder
+from fleet_quadruped.robot.description import DogDescription
 from fleet_quadruped.robot.names import EULER
 from fleet_quadruped.robot.parts import Sensor
 
@@ -66,6 +67,66 @@ class Values:
         if len(self._times) < len(self.frames):
             return math.inf
         return now - min(self._times.values())
+
+
+class BodySensors:
+    """IMU and battery of a dog, where it has them. ``imu``: what it says while that is fresh.
+
+    ``imu_age``: s; 0 without an IMU. ``battery``: the newest values by name.
+    """
+
+    def __init__(self, dog: DogDescription) -> None:
+        self.imu: Imu | None = None
+        self.imu_age = 0.0
+        self._imu = Values(dog.imu, whole=True) if dog.imu else None
+        self._imu_timeout = dog.imu.timeout if dog.imu else 0.0
+        self._battery = Values(dog.battery) if dog.battery else None
+        self._described = dog.battery
+        self._by_frame = {
+            place: sensor
+            for sensor in (self._imu, self._battery)
+            if sensor is not None
+            for place in sensor.frames
+        }
+
+    def take(self, bus: str, frame: CanFrame, now: float) -> bool:
+        """Take a received frame; False for one that is of no sensor."""
+        sensor = self._by_frame.get((bus, frame.id))
+        if sensor is not None:
+            sensor.take(frame, now)
+        return sensor is not None
+
+    def look(self, now: float) -> None:
+        """Look at the IMU in a cycle."""
+        if self._imu is not None:
+            self.imu_age = self._imu.age(now)
+            self.imu = imu_of(self._imu.values) if self.imu_age <= self._imu_timeout else None
+
+    @property
+    def battery(self) -> dict[str, float]:
+        """What the battery said last, by name."""
+        return self._battery.values if self._battery else {}
+
+    def battery_age(self, now: float) -> float | None:
+        """Return the age of what the battery said, s; None while it has said nothing."""
+        return self._battery.age(now) if self._battery and self._battery.values else None
+
+    def fresh_battery(self, now: float) -> dict[str, float]:
+        """Return what the battery says; a battery that is silent tells nothing."""
+        told, described = self._battery, self._described
+        return told.values if told and described and told.age(now) < described.timeout else {}
+
+    def battery_warning(self, now: float, begun: float) -> str:
+        """Return what a person should know of the battery; ``begun``: when we began to listen."""
+        told, described = self._battery, self._described
+        if told is None or described is None:
+            return ""
+        if min(told.age(now), now - begun) > described.timeout:
+            return f"battery: silent on bus {described.bus}; nobody sees it run empty: check its frames"
+        percent = told.values.get("percent")
+        if percent is not None and percent <= described.warn:
+            return f"battery at {percent:.0f} %"
+        return ""
 
 
 def imu_of(values: dict[str, float]) -> Imu | None:

@@ -1,6 +1,6 @@
 """Joint drives: one interface over the protocols that they speak. A protocol is an entry point of a package.
 
-Group ``fleet.quadruped_drives``: its name, as ``drive.protocol`` has it, and a class like ``JointDrive``.
+Group ``fleet.quadruped_drives``: its name, as ``drive.protocol`` has it, and a class like ``Kind``.
 Group ``fleet.quadruped_simulated_drives``: the same name, and a class like ``sim.drive.AnyDrive``.
 """
 

@@ -24,37 +24,41 @@ class Asked(Protocol):
 
 
 AskedT = TypeVar("AskedT", bound=Asked)
-Take = Callable[[str, CanFrame, float], None]
 
 
-def ask_all(
-    drives: Sequence[AskedT],
-    buses: Mapping[str, CanBus],
-    take: Take,
-    question: Callable[[AskedT], CanFrame],
-    answered: Callable[[AskedT], bool],
-) -> None:
-    """Ask every drive until it has answered; raises LinkLost naming the first that does not."""
-    for _ in range(_TRIES):
+class Requester:
+    """Asks drives on the buses by their names; ``take`` is called with each frame that arrives meanwhile."""
+
+    def __init__(self, buses: Mapping[str, CanBus], take: Callable[[str, CanFrame, float], None]) -> None:
+        self._buses = buses
+        self._take = take
+
+    def ask(
+        self,
+        drives: Sequence[AskedT],
+        question: Callable[[AskedT], CanFrame],
+        answered: Callable[[AskedT], bool],
+    ) -> None:
+        """Ask every drive until it has answered; raises LinkLost naming the first that does not."""
+        for _ in range(_TRIES):
+            for drive in drives:
+                if not answered(drive):
+                    drive.bus.send(question(drive))
+            for _ in range(_LISTENS):
+                if all(map(answered, drives)) or not self._listen():
+                    break
         for drive in drives:
             if not answered(drive):
-                drive.bus.send(question(drive))
-        for _ in range(_LISTENS):
-            if all(map(answered, drives)) or not _listen(buses, take):
-                break
-    for drive in drives:
-        if not answered(drive):
-            joint = drive.joint
-            raise LinkLost(
-                f"{joint.name}: id {joint.id} on bus {joint.bus!r} is silent; check power, wiring, id"
-            )
+                joint = drive.joint
+                raise LinkLost(
+                    f"{joint.name}: id {joint.id} on bus {joint.bus!r} is silent; check power, wiring, id"
+                )
 
-
-def _listen(buses: Mapping[str, CanBus], take: Take) -> bool:
-    """Take what arrives; return False when all buses are quiet. Others may speak all the time."""
-    heard = False
-    for name, bus in buses.items():
-        for frame in bus.receive(_WAIT):
-            heard = True
-            take(name, frame, 0.0)
-    return heard
+    def _listen(self) -> bool:
+        """Take what arrives; return False when all buses are quiet. Others may speak all the time."""
+        heard = False
+        for name, bus in self._buses.items():
+            for frame in bus.receive(_WAIT):
+                heard = True
+                self._take(name, frame, 0.0)
+        return heard

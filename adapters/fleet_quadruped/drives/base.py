@@ -13,8 +13,7 @@ from typing import NamedTuple, Protocol
 from fleet import CanFrame
 from fleet_quadruped.body.measured import Targets
 from fleet_quadruped.can.bus_guard import Address
-from fleet_quadruped.robot.description import DogDescription, Joint
-from fleet_quadruped.robot.parts import Bus, Drive
+from fleet_quadruped.robot.description import Joint
 
 
 class Power(enum.StrEnum):
@@ -86,31 +85,11 @@ class Joints(NamedTuple):
 class JointDrive(Protocol):
     """Drives of one dog, mostly all twelve, on one or more buses.
 
-    ``problems``, ``load``, ``shared``, ``identifiers`` and ``farthest`` are asked of the class. No method
-    blocks but ``configure`` and ``limit_torque``, and neither takes the torque off drives that hold a dog.
+    What their class is asked before there is a bus is in ``fleet_quadruped.drives.Kind``. No method blocks
+    but ``configure`` and ``limit_torque``, and neither takes the torque off drives that hold a dog.
     ``enable``, ``lower``, ``damp``, ``quick_stop`` and ``disable`` write one round of frames; they are
     called in each cycle until ``feedback`` says that all drives did it.
     """
-
-    @staticmethod
-    def problems(dog: DogDescription) -> list[str]:
-        """Return what in a description these drives cannot do; everything, each with its place."""
-
-    @staticmethod
-    def load(drive: Drive, joints: int, bus: Bus) -> float:
-        """Return the share of a bus that so many joints take, all frames counted."""
-
-    @staticmethod
-    def shared(dog: DogDescription) -> tuple[int, ...]:
-        """Return the frames that are for all drives."""
-
-    @staticmethod
-    def identifiers(drive: Drive, joint: Joint) -> tuple[int, ...]:
-        """Return the frames that one drive says and hears."""
-
-    @staticmethod
-    def farthest(joint: Joint, drive: Drive) -> float:
-        """Return the greatest angle that its frames can say, rad of the motor."""
 
     @property
     def addresses(self) -> frozenset[Address]:

@@ -7,7 +7,7 @@ from types import MappingProxyType
 from typing import NamedTuple
 
 from fleet import CanFrame
-from fleet_quadruped.body.machine import BodyRequest
+from fleet_quadruped.body.requests import BodyRequest
 from fleet_quadruped.safety.stages import Mode
 
 NAMES: Mapping[BodyRequest, str] = MappingProxyType(

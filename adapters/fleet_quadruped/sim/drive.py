@@ -6,7 +6,10 @@ from collections.abc import Callable, Mapping
 from typing import Protocol
 
 from fleet import CanFrame
+from fleet_quadruped.drives.motor_units import Units
 from fleet_quadruped.robot.description import Joint
+from fleet_quadruped.sim.brakes import let_go
+from fleet_quadruped.sim.sensors import FULL
 from fleet_quadruped.sim.world import Motor
 
 STUBBORN = 3  # times that a lazy drive does not hear that it is to be enabled
@@ -79,3 +82,46 @@ class AnyDrive(Protocol):
 
     def refuse(self) -> None:
         """Refuse to be configured."""
+
+
+class SimDampingDrive:
+    """What the simulated drives share that damp by themselves; ``send`` puts their frames on the bus."""
+
+    def __init__(self, joint: Joint, motor: Motor, send: Callable[[CanFrame], None]) -> None:
+        self.joint = joint
+        self.motor = motor
+        self.encoder = SimEncoder(motor)
+        self.voltage = FULL
+        self.hears: Mapping[int, Hears] = {}
+        self._send = send
+        self._units = Units(joint)
+        self._square = joint.kind.ratio**2
+        self._temperature, self._warming = COOL, 0.0
+        self._terse = self._refusing = False
+        self._dozing = 0  # times that it does not hear that it is to be enabled
+
+    def mute(self) -> None:
+        """Say and hear nothing any more."""
+        self.hears = {}
+
+    def cut_short(self) -> None:
+        """Send no whole frame any more."""
+        self._terse = True
+
+    def warm(self) -> None:
+        """Become warmer, for good."""
+        self._warming = WARMING
+
+    def doze(self) -> None:
+        """Miss the first few times that it is to be enabled."""
+        self._dozing = STUBBORN
+
+    def refuse(self) -> None:
+        """Keep its configuration as it is."""
+        self._refusing = True
+
+    def control(self, dt: float) -> None:
+        """Let the motor turn freely, and become warmer; a protocol adds what it is told to do."""
+        self._temperature += self._warming * dt
+        self.encoder.follow()
+        let_go(self.motor)

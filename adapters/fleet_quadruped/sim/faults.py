@@ -67,8 +67,8 @@ ON_DRIVE: Mapping[str, Callable[[AnyDrive], None]] = MappingProxyType(
 ON_CIA402: Mapping[str, Callable[[SimDrive], None]] = MappingProxyType(
     {
         "deaf": lambda drive: drive.ignore(),
-        "stays": lambda drive: drive.stay(),
-        "mode": lambda drive: drive.keep_mode(),
+        "stays": lambda drive: drive.power.stay(),
+        "mode": lambda drive: drive.sdo.keep_mode(),
     }
 )
 """What a fault does to one CiA 402 drive."""

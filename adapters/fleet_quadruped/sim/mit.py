@@ -4,35 +4,28 @@ from __future__ import annotations
 
 import math
 import struct
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 
 from fleet import CanFrame
 from fleet_quadruped.drives.mit import frames as wire
 from fleet_quadruped.drives.mit.frames import Command, MitCommand
 from fleet_quadruped.drives.mit.profiles import profile_of
-from fleet_quadruped.drives.motor_units import Units
 from fleet_quadruped.robot.description import Joint
 from fleet_quadruped.robot.parts import Drive
-from fleet_quadruped.sim.drive import COOL, STUBBORN, WARMING, Hears, SimEncoder
-from fleet_quadruped.sim.sensors import FULL
+from fleet_quadruped.sim.drive import SimDampingDrive
 from fleet_quadruped.sim.world import Motor
 
 _STATUS = {"overcurrent": 0xA, "hot": 0xC}
 _LOST = 0xD
 
 
-class SimMitDrive:
+class SimMitDrive(SimDampingDrive):
     """One motor at one joint; ``send`` puts its frames on the bus."""
 
     def __init__(self, joint: Joint, motor: Motor, send: Callable[[CanFrame], None], drive: Drive) -> None:
-        self.joint = joint
-        self.motor = motor
-        self.encoder = SimEncoder(motor)
-        self._send = send
+        super().__init__(joint, motor, send)
         self._profile = profile_of(drive, joint.kind)
         self._layout = wire.Layout(self._profile)
-        self._units = Units(joint)
-        self._square = joint.kind.ratio**2
         ranges = (self._profile.angle, self._profile.speed, self._profile.torque)
         self._registers = {
             register: struct.pack("<f", value)
@@ -42,15 +35,10 @@ class SimMitDrive:
         self._registers[wire.MASTER_REGISTER] = struct.pack("<I", wire.MASTER + joint.id)
         self.status = 0
         self._command: Command = MitCommand()
-        self._temperature, self._warming = COOL, 0.0
-        self._terse = False
-        self._refusing = False
-        self._dozing = 0  # times that it does not hear that it is to be enabled
-        self.voltage = FULL  # of which its frames say nothing
         self._silence = 0.0
         self._timeout = math.inf  # s of silence after which it lets go
         self._place = (wire.MASTER + joint.id) if self._profile.damiao else 0  # where it answers
-        self.hears: Mapping[int, Hears] = {joint.id: self._obey}
+        self.hears = {joint.id: self._obey}
         if self._profile.damiao:
             self.hears = {**self.hears, wire.REGISTERS: self._register}
 
@@ -60,45 +48,23 @@ class SimMitDrive:
         self._registers[wire.TIMEOUT_REGISTER] = bytes(4)
         self._timeout = math.inf
 
-    def mute(self) -> None:
-        """Say and hear nothing any more."""
-        self.hears = {}
-
     def fail(self, why: str) -> None:
         """Go into fault; it is told in the next reply."""
         self.status = _STATUS[why]
-
-    def cut_short(self) -> None:
-        """Send no whole reply any more."""
-        self._terse = True
-
-    def warm(self) -> None:
-        """Become warmer, for good."""
-        self._warming = WARMING
-
-    def doze(self) -> None:
-        """Miss the first few times that it is to be enabled."""
-        self._dozing = STUBBORN
 
     def pretend(self) -> None:
         """Be a motor with other ranges."""
         self._registers[wire.RANGE_REGISTERS[0]] = struct.pack("<f", self._profile.angle * 2)
 
-    def refuse(self) -> None:
-        """Keep the watchdog's register as it is."""
-        self._refusing = True
-
     def control(self, dt: float) -> None:
         """Set the motor for the next ``dt`` seconds, and look after the watchdog."""
+        super().control(dt)
         self._silence += dt
-        self._temperature += self._warming * dt
-        self.encoder.follow()
         if self.status == wire.ENABLED and self._silence > self._timeout:
             self.status = _LOST
-        motor = self.motor
         if self.status != wire.ENABLED:
-            motor.kp = motor.kd = motor.feed = motor.target_speed = 0.0
             return
+        motor = self.motor
         angle, speed, kp, kd, torque = self._command
         motor.kp, motor.kd = kp * self._square, kd * self._square
         target, motor.target_speed, motor.feed = self._units.joint(angle, speed, torque)

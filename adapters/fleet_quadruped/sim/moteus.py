@@ -12,11 +12,9 @@ from collections.abc import Callable, Mapping
 from fleet import CanFrame
 from fleet_quadruped.drives.moteus import frames as wire
 from fleet_quadruped.drives.moteus.frames import Part
-from fleet_quadruped.drives.motor_units import Units
 from fleet_quadruped.robot.description import Joint
 from fleet_quadruped.robot.parts import Drive
-from fleet_quadruped.sim.drive import COOL, STUBBORN, WARMING, Hears, SimEncoder
-from fleet_quadruped.sim.sensors import FULL
+from fleet_quadruped.sim.drive import SimDampingDrive
 from fleet_quadruped.sim.world import Motor
 
 _FAULTS = {"overcurrent": 33, "hot": 38}
@@ -28,21 +26,12 @@ _STARTING = 2  # the first of the modes on the way to position mode
 _LATCHED = frozenset({wire.FAILED, wire.TIMED_OUT})
 
 
-class SimMoteus:
+class SimMoteus(SimDampingDrive):
     """One servo at one joint; ``send`` puts its frames on the bus."""
 
     def __init__(self, joint: Joint, motor: Motor, send: Callable[[CanFrame], None], drive: Drive) -> None:  # noqa: ARG002 - as it left its maker
-        self.joint = joint
-        self.motor = motor
-        self.encoder = SimEncoder(motor)
-        self.voltage = FULL
+        super().__init__(joint, motor, send)
         self.home = wire.REFERS_TO_OUTPUT
-        self._send = send
-        self._units = Units(joint)
-        self._square = joint.kind.ratio**2
-        self._temperature, self._warming = COOL, 0.0
-        self._terse = self._refusing = False
-        self._dozing = 0
         self.stored = {
             "servo.pid_position.kp": _KP / self._square * wire.TURN,
             "servo.pid_position.kd": _KD / self._square * wire.TURN,
@@ -50,7 +39,7 @@ class SimMoteus:
             "servo.timeout_mode": float(wire.STOPPED),
             "servo.timeout_max_torque_Nm": 5.0,
         }
-        self.hears: Mapping[int, Hears] = dict.fromkeys(wire.heard_by(joint.id), self._hear)
+        self.hears = dict.fromkeys(wire.heard_by(joint.id), self._hear)
         self.boot()
 
     def boot(self) -> None:
@@ -64,53 +53,31 @@ class SimMoteus:
         self._text = b""
         self._target = 0.0  # turns: where it is to be, which moves on with the velocity
 
-    def mute(self) -> None:
-        """Say and hear nothing any more."""
-        self.hears = {}
-
     def fail(self, why: str) -> None:
         """Go into fault; it is told in the next answer."""
         self.mode, self._code = wire.FAILED, _FAULTS[why]
-
-    def cut_short(self) -> None:
-        """Send no whole answer any more."""
-        self._terse = True
-
-    def warm(self) -> None:
-        """Become warmer, for good."""
-        self._warming = WARMING
-
-    def doze(self) -> None:
-        """Miss the first few times that it is to be enabled."""
-        self._dozing = STUBBORN
 
     def pretend(self) -> None:
         """Be one that is configured for a softer robot."""
         self.config["servo.pid_position.kp"] /= 10
 
-    def refuse(self) -> None:
-        """Keep its configuration as it is."""
-        self._refusing = True
-
     def control(self, dt: float) -> None:
         """Set the motor for the next ``dt`` seconds, and look after the watchdog."""
-        self._temperature += self._warming * dt
-        self.encoder.follow()
+        super().control(dt)
         if self._starts:
             self.mode, self._starts = wire.OBEYS, False
         if self.mode == wire.OBEYS:
             self._left -= dt
             if self._left < 0:
                 self.mode = wire.TIMED_OUT
-        motor, mode = self.motor, self.mode
+        mode = self.mode
         if mode == wire.TIMED_OUT:
             mode = int(self.config["servo.timeout_mode"])
-        motor.kp = motor.kd = motor.feed = motor.target_speed = 0.0
         if mode == wire.OBEYS:
             self._obey(dt)
         elif mode in {wire.DAMPS, wire.BRAKES}:
             share = 1.0 if self.mode == wire.TIMED_OUT else self._value(0x24)
-            motor.kd = self._gain("servo.pid_position.kd") * min(1.0, share)
+            self.motor.kd = self._gain("servo.pid_position.kd") * min(1.0, share)
 
     def _obey(self, dt: float) -> None:
         """Follow the command: its position moves on with its velocity."""

@@ -12,13 +12,11 @@ import struct
 from collections.abc import Callable, Mapping
 
 from fleet import CanFrame
-from fleet_quadruped.drives.motor_units import Units
 from fleet_quadruped.drives.odrive import frames as wire
 from fleet_quadruped.drives.odrive.frames import Cmd, State
 from fleet_quadruped.robot.description import Joint
 from fleet_quadruped.robot.parts import Drive
-from fleet_quadruped.sim.drive import COOL, STUBBORN, WARMING, Hears, SimEncoder
-from fleet_quadruped.sim.sensors import FULL
+from fleet_quadruped.sim.drive import SimDampingDrive
 from fleet_quadruped.sim.world import Motor
 
 _BEAT = 0.1  # s between two heartbeats
@@ -28,24 +26,15 @@ _SERIALS = itertools.count(1)
 _OFF, _ON = b"\x00", b"\x01"
 
 
-class SimOdrive:
+class SimOdrive(SimDampingDrive):
     """One drive at one joint; ``send`` puts its frames on the bus."""
 
     def __init__(self, joint: Joint, motor: Motor, send: Callable[[CanFrame], None], drive: Drive) -> None:
         self._serial = next(_SERIALS).to_bytes(6, "little")
-        self.joint = joint
-        self.motor = motor
-        self.encoder = SimEncoder(motor)
-        self.voltage = FULL
-        self._send = send
-        self._units = Units(joint)
-        self._square = joint.kind.ratio**2
+        super().__init__(joint, motor, send)
         self._endpoints = drive.endpoints
         self._stored = math.inf if drive.endpoints else drive.timeout  # s: as odrivetool has set it
-        self._temperature, self._warming = COOL, 0.0
         self._version = wire.OLDEST
-        self._terse = self._refusing = False
-        self._dozing = 0
         self._beat_in = _BEAT
         self._commands: Mapping[int, Callable[[bytes], None]] = {
             Cmd.STATE: self._request,
@@ -65,7 +54,7 @@ class SimOdrive:
             Cmd.TEMPERATURE: lambda: wire.pack_pair(self._temperature, math.nan),
             Cmd.SUPPLY: lambda: wire.pack_pair(self.voltage, 3.0),
         }
-        self.hears: Mapping[int, Hears] = {wire.identifier(joint.id, command): self._hear for command in Cmd}
+        self.hears = {wire.identifier(joint.id, command): self._hear for command in Cmd}
         self.boot()
 
     def boot(self) -> None:
@@ -84,32 +73,16 @@ class SimOdrive:
 
     def mute(self) -> None:
         """Say and hear nothing any more."""
-        self.hears = {}
+        super().mute()
         self._beat_in = math.inf
 
     def fail(self, why: str) -> None:
         """Disarm with an error; it is told in the next heartbeat."""
         self.errors, self.state = _ERRORS[why], State.IDLE
 
-    def cut_short(self) -> None:
-        """Send no whole frame any more."""
-        self._terse = True
-
-    def warm(self) -> None:
-        """Become warmer, for good."""
-        self._warming = WARMING
-
-    def doze(self) -> None:
-        """Miss the first few times that it is to be enabled."""
-        self._dozing = STUBBORN
-
     def pretend(self) -> None:
         """Be one with an old firmware."""
         self._version = (0, 5)
-
-    def refuse(self) -> None:
-        """Keep its parameters as they are."""
-        self._refusing = True
 
     @property
     def watchdog(self) -> float:
@@ -122,21 +95,18 @@ class SimOdrive:
 
     def control(self, dt: float) -> None:
         """Set the motor for the next ``dt`` seconds, and look after watchdog and heartbeat."""
-        self._temperature += self._warming * dt
-        self.encoder.follow()
+        super().control(dt)
         self._beat_in -= dt
         if self._beat_in <= 0:
             self._beat_in += _BEAT
             self._say(Cmd.HEARTBEAT)
-        motor = self.motor
         if self.state != State.CLOSED_LOOP:
-            motor.kp = motor.kd = motor.feed = motor.target_speed = 0.0
             return
         self._unfed += dt
         if self._unfed > self.watchdog:
             self.errors, self.state = wire.WATCHDOG_EXPIRED, State.IDLE
-            motor.kp = motor.kd = motor.feed = motor.target_speed = 0.0
             return
+        motor = self.motor
         damping = self._velocity_gain / wire.TURN * self._square
         motor.kp, motor.kd = self._position_gain * damping, damping
         target, motor.target_speed, motor.feed = self._units.joint(*self._target)

@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterable
 import msgspec
 
 from fleet_quadruped.body.gait import Twist
-from fleet_quadruped.body.machine import BodyRequest
+from fleet_quadruped.body.requests import BodyRequest
 from fleet_quadruped.control.controller import Controller
 from fleet_quadruped.control.orders import Activity, DogState, Order, Timing
 from fleet_quadruped.robot.description import DogDescription

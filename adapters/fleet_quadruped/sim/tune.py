@@ -15,7 +15,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from fleet import Quaternion, quaternion_from_euler
-from fleet_quadruped.body.machine import BodyRequest
+from fleet_quadruped.body.requests import BodyRequest
 from fleet_quadruped.robot.description import DogDescription, load_description
 from fleet_quadruped.robot.parts import Pose
 from fleet_quadruped.safety.stages import Mode
@@ -54,9 +54,9 @@ def tries_needed(dog: DogDescription, turn: Quaternion, most: int = 3) -> int | 
     if rig.ask(BodyRequest.RECOVER):
         return None
     body = rig.controller.body
-    while rig.mode in _ON_THE_WAY and body.tries <= most:
+    while rig.mode in _ON_THE_WAY and body.recovery.tries <= most:
         rig.cycle()
-    return body.tries if rig.mode is Mode.STANDING else None
+    return body.recovery.tries if rig.mode is Mode.STANDING else None
 
 
 def with_roll(dog: DogDescription, near: Pose, far: Pose) -> DogDescription:

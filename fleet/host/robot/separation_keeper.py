@@ -79,6 +79,48 @@ class MovingRobot(Protocol):
         """Hold the wanted velocity as far as the guard lets it pass now; raises what the adapter raises."""
 
 
+class HoldNotice:
+    """Why a robot does not go as it was asked, told once; ``cause`` is empty while it does."""
+
+    def __init__(self, clock: Clock, event_reporter: EventReporter) -> None:
+        self.cause = ""
+        self._clock = clock
+        self._event_reporter = event_reporter
+        self._until = float("-inf")
+
+    def say(self, what: str, robot: Occupant, other: Occupant) -> str:
+        """Note that the robot is slowed or held because of another; return it in words."""
+        distance = (robot.at - other.at).norm()
+        before, self.cause = self.cause, f"{what}: {distance:.1f} m from {other.name}, closing"
+        self._until = self._clock.monotonic() + SAID
+        if before.partition(":")[0] != what:
+            fields = {"reason": self.cause, "robot": other.name, "distance_m": round(distance, 2)}
+            self._event_reporter.event(EventKind.SEPARATION, self.cause, telemetry="separation", data=fields)
+        return self.cause
+
+    def expire(self) -> None:
+        """Forget why it was held, once it has not been for a while."""
+        if self.cause and self._clock.monotonic() > self._until:
+            self.cause = ""
+
+
+class MeasuredVelocity:
+    """The velocity of a robot (``value``, m/s) from where it was seen."""
+
+    def __init__(self) -> None:
+        self.value = Vector3()
+        self._at = Vector3()
+        self._time = 0.0
+
+    def see(self, at: Vector3, now: float) -> None:
+        """Take where it is; the velocity is measured over a few looks."""
+        elapsed = now - self._time
+        if elapsed < MEASURED:
+            return
+        self.value = (at - self._at).scaled(1 / elapsed) if elapsed <= GAP else Vector3()
+        self._at, self._time = at, now
+
+
 class SeparationKeeper:
     """One robot among the others.
 
@@ -105,7 +147,6 @@ class SeparationKeeper:
         self.lost = ""  # why it is not placed any more
         self.placement: Placement | None = None
         self.at: Vector3 | None = None  # where it was last, in the frame that is judged in
-        self.cause = ""
         self._start = config.start
         self._radius = separation.radius or 1.0
         self._braking = separation.braking or 0.5
@@ -120,11 +161,11 @@ class SeparationKeeper:
         self._held = held
         self._points = points
         self._event_reporter = event_reporter
+        self._notice = HoldNotice(clock, event_reporter)
         self._battery: float | None = None
         self._yaw = 0.0
-        self._seen = self._marked = 0.0
-        self._mark = Vector3()
-        self._velocity = Vector3()
+        self._seen = 0.0
+        self._velocity = MeasuredVelocity()
         self._task: Task | None = None
         self._way: tuple[Vector3, ...] = ()
         self._down: tuple[Vector3, ...] = ()  # the way of a landing that is under way
@@ -135,7 +176,11 @@ class SeparationKeeper:
         self._share = 1.0
         self._judged_by = float("-inf")
         self._look_by = float("-inf")
-        self._said_until = float("-inf")
+
+    @property
+    def cause(self) -> str:
+        """Why the robot does not go as it was asked; empty while it does."""
+        return self._notice.cause
 
     @property
     def is_judged(self) -> bool:
@@ -164,7 +209,7 @@ class SeparationKeeper:
         if self.at is not None and not self.on_earth and self._has_jumped(at, now):
             return
         self.at, self._seen, self._yaw = at, now, pose.rotation.yaw + self.placement.yaw
-        self._measure(at, now)
+        self._velocity.see(at, now)
 
     def _has_jumped(self, at: Vector3, now: float) -> bool:
         """Return whether it can not have come there: then nobody knows where it is."""
@@ -178,18 +223,10 @@ class SeparationKeeper:
         self._event_reporter.event(EventKind.SEPARATION, f"separation unknown: {self.lost}", data=unknown)
         return True
 
-    def _measure(self, at: Vector3, now: float) -> None:
-        """Measure its velocity from where it was."""
-        elapsed = now - self._marked
-        if elapsed < MEASURED:
-            return
-        self._velocity = (at - self._mark).scaled(1 / elapsed) if elapsed <= GAP else Vector3()
-        self._mark, self._marked = at, now
-
     @property
     def reach(self) -> float:
         """Metres around its last place that it cannot leave before it is looked at again and stands."""
-        return self._reach + gone_since(self._velocity.norm(), self._clock.monotonic() - self._seen)
+        return self._reach + gone_since(self._velocity.value.norm(), self._clock.monotonic() - self._seen)
 
     def occupant(self) -> Occupant | None:
         """Return what the robot takes up now, None while nobody knows where it is."""
@@ -198,14 +235,15 @@ class SeparationKeeper:
         held, way = self._held(), self._ahead()
         asked, turn = rotate_to_world(held.linear, self._yaw), held.yaw_rate
         if way and not self._led:
-            asked = Vector3(min(self._fastest, self._velocity.norm() + SPEEDING_UP))  # its size alone counts
+            # Its size alone counts.
+            asked = Vector3(min(self._fastest, self._velocity.value.norm() + SPEEDING_UP))
         return Occupant(
             self.name,
             self._radius,
             self._braking,
             self.at,
             way,
-            self._velocity,
+            self._velocity.value,
             asked,
             turn,
             self._clock.monotonic() - self._seen,
@@ -291,14 +329,14 @@ class SeparationKeeper:
             if free < metres and (share := admitted(robot, wanted, other)) < self._share:
                 self._share, whose = share, other
         if self._share < 1.0:
-            self._say("slowed" if self._share else "held", robot, whose)
+            self._notice.say("slowed" if self._share else "held", robot, whose)
 
     # -- as it moves -----------------------------------------------------------------------------------
 
     def look(self) -> None:
         """Look at who is near while something of ours moves the robot; slow it, or end its motion."""
         if not self._mover.in_motion:
-            self._unsay()
+            self._notice.expire()
             return
         self._look_around()
         try:
@@ -308,7 +346,7 @@ class SeparationKeeper:
 
     def _keep_apart(self) -> None:
         """Slow the velocity that is held; end a way that its autopilot flies too near another."""
-        self._unsay()
+        self._notice.expire()
         if not self._near:
             return
         if not self._held().is_zero or (self._led and self._mover.doing() is not None):
@@ -317,7 +355,7 @@ class SeparationKeeper:
         robot = self.occupant()
         for _, other in self._near:
             if robot is not None and must_brake(robot, other):
-                self._mover.end(self._say("held", robot, other))
+                self._mover.end(self._notice.say("held", robot, other))
                 return
 
     def _look_around(self) -> None:
@@ -331,21 +369,6 @@ class SeparationKeeper:
             self._near = tuple((gap(robot, other, STALE), other) for other in near)
             least = min(free for free, _ in self._near)
             self._free = free_speed(least, self._braking, STALE)
-
-    def _say(self, what: str, robot: Occupant, other: Occupant) -> str:
-        """Note why the robot does not go as it was asked, and tell it once; return it in words."""
-        distance = (robot.at - other.at).norm()
-        before, self.cause = self.cause, f"{what}: {distance:.1f} m from {other.name}, closing"
-        self._said_until = self._clock.monotonic() + SAID
-        if before.partition(":")[0] != what:
-            fields = {"reason": self.cause, "robot": other.name, "distance_m": round(distance, 2)}
-            self._event_reporter.event(EventKind.SEPARATION, self.cause, telemetry="separation", data=fields)
-        return self.cause
-
-    def _unsay(self) -> None:
-        """Forget why it was held, once it has not been for a while."""
-        if self.cause and self._clock.monotonic() > self._said_until:
-            self.cause = ""
 
 
 def _alike(one: Velocity, other: Velocity) -> bool:

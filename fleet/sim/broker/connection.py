@@ -17,6 +17,45 @@ logger = logging.getLogger(__name__)
 _Reason = mqtt5.DisconnectReasonCode
 
 
+class ReadGate:
+    """Whether a connection reads from its socket: not while it is frozen, or its client does not read.
+
+    ``transport`` is None before the connection and once it is being closed.
+    """
+
+    def __init__(self) -> None:
+        self.transport: asyncio.Transport | None = None
+        self.full = False
+        self.frozen = False
+        self._unread = b""
+
+    def freeze(self, data: bytes) -> None:
+        """Stop reading for now, and keep the bytes read so far."""
+        self.frozen = True
+        self._unread += data
+        self._read_or_wait()
+
+    def thaw(self) -> bytes:
+        """Resume after a freeze; return the bytes that were kept."""
+        self.frozen = False
+        unread, self._unread = self._unread, b""
+        self._read_or_wait()
+        return unread
+
+    def set_full(self, *, full: bool) -> None:
+        """Note whether the client does not read what was written."""
+        self.full = full
+        self._read_or_wait()
+
+    def _read_or_wait(self) -> None:
+        if self.transport is None:
+            return
+        if self.frozen or self.full:
+            self.transport.pause_reading()
+        else:
+            self.transport.resume_reading()
+
+
 class BrokerConnection(asyncio.Protocol):
     """Serves one client; nothing that it sends can affect other connections."""
 
@@ -26,11 +65,9 @@ class BrokerConnection(asyncio.Protocol):
         self._decoder = PacketDecoder(None, hub.limits.packet)
         self._conversation = Conversation(hub, self)
         self._transport: asyncio.Transport | None = None
-        self._full = False
+        self._reading = ReadGate()
         self._closing = False
         self._forgotten = False
-        self._asleep = False
-        self._unread = b""
         self._heard = hub.clock.monotonic()
 
     @property
@@ -43,12 +80,14 @@ class BrokerConnection(asyncio.Protocol):
         """Register the connection."""
         assert isinstance(transport, asyncio.Transport)
         self._transport = transport
+        self._reading.transport = transport
         self._everyone.add(self)
 
     def data_received(self, data: bytes) -> None:
         """Handle received bytes and write all answers at once; a frozen broker keeps them for later."""
         if self._is_silent():
-            self._sleep(data)
+            if not self._forgotten:
+                self._reading.freeze(data)
             return
         self._heard = self._hub.clock.monotonic()
         self._write(self._answers(data))
@@ -59,7 +98,7 @@ class BrokerConnection(asyncio.Protocol):
     def flush(self) -> None:
         """Write waiting messages of the client's session, as far as the socket and the client accept them."""
         session, now = self._conversation.session, self._hub.clock.monotonic()
-        while session and not (self._full or self._is_silent()):
+        while session and not (self._reading.full or self._is_silent()):
             lost = self._write(session.send(now))
             if not lost:
                 break
@@ -75,9 +114,10 @@ class BrokerConnection(asyncio.Protocol):
     def watch(self) -> None:
         """Resume after a freeze; end the connection when the client has been silent for too long."""
         if self._hub.faults.freeze:
-            self._sleep(b"")
-        elif self._asleep:
-            self._wake()
+            if not self._forgotten:
+                self._reading.freeze(b"")
+        elif self._reading.frozen:
+            self.data_received(self._reading.thaw())
         elif self._is_late():
             self._lose_patience()
 
@@ -93,13 +133,11 @@ class BrokerConnection(asyncio.Protocol):
 
     def pause_writing(self) -> None:
         """Stop writing, and reading: a client that does not read is not read from, either."""
-        self._full = True
-        self._read_or_wait()
+        self._reading.set_full(full=True)
 
     def resume_writing(self) -> None:
         """Resume writing and reading."""
-        self._full = False
-        self._read_or_wait()
+        self._reading.set_full(full=False)
         self.flush()
 
     def connection_lost(self, exc: Exception | None) -> None:  # noqa: ARG002 - asyncio passes it
@@ -109,7 +147,7 @@ class BrokerConnection(asyncio.Protocol):
 
     def _is_silent(self) -> bool:
         """Return True when a fault stops reading and writing."""
-        return self._forgotten or self._asleep or self._hub.faults.freeze
+        return self._forgotten or self._reading.frozen or self._hub.faults.freeze
 
     def _is_late(self) -> bool:
         """Return True when the client has been silent for too long, or does not read the last packets."""
@@ -138,29 +176,6 @@ class BrokerConnection(asyncio.Protocol):
         logger.info("the client %r is disconnected: %s", self.client_id, error)
         return self._conversation.end(reason)
 
-    def _sleep(self, data: bytes) -> None:
-        """Stop reading for now, and keep the bytes read so far; those of a forgotten client are dropped."""
-        if not self._forgotten:
-            self._asleep = True
-            self._unread += data
-            self._read_or_wait()
-
-    def _wake(self) -> None:
-        """Resume after a freeze, with the bytes that were kept."""
-        self._asleep = False
-        unread, self._unread = self._unread, b""
-        self._read_or_wait()
-        self.data_received(unread)
-
-    def _read_or_wait(self) -> None:
-        """Read from the socket unless the broker is frozen or the client does not read."""
-        if self._transport is None or self._closing:
-            return
-        if self._asleep or self._full:
-            self._transport.pause_reading()
-        else:
-            self._transport.resume_reading()
-
     def _lose_patience(self) -> None:
         """Disconnect a silent client; abort the connection if that was tried already."""
         if self._closing:
@@ -173,6 +188,7 @@ class BrokerConnection(asyncio.Protocol):
         if self._closing:
             return
         self._closing = True
+        self._reading.transport = None
         self._heard = self._hub.clock.monotonic()
         if self._transport:
             self._transport.close()

@@ -68,7 +68,7 @@ async def test_a_machine_that_walks_by_itself_takes_the_same_words(running, kind
         await adapter.stop("emergency_stop")
         with pytest.raises(Refused, match="it is damped"):
             await all_of(adapter.stand_up())
-        await adapter._until(lambda: adapter._state.mode == "off", "lying")
+        await adapter._body.until(lambda: adapter._body.state.mode == "off", "lying")
         await all_of(adapter.stand_up())
 
 
@@ -89,11 +89,11 @@ async def test_its_joints_are_led_in_joint_mode_alone_and_any_stop_leaves_it(run
 
         await robot.until(led)
         await adapter.stop("a test")
-        assert adapter._state.mode == "held"
+        assert adapter._body.state.mode == "held"
         with pytest.raises(NotReady, match="held"):
             adapter.move_joints({"FL_knee": low})
         await all_of(adapter.stand_up())
-        assert adapter._state.mode == "standing"
+        assert adapter._body.state.mode == "standing"
         await all_of(adapter.sit_down())
 
 
@@ -118,7 +118,10 @@ async def test_an_emergency_stop_damps_it_while_the_event_loop_is_stuck(running)
         thread.start()
         thread.join()
         deadline = time.monotonic() + 5.0
-        while (mode := adapter._body.states.get().mode) in {"standing", "walking"}:  # and never an await
+        while (mode := adapter._body.process.states.get().mode) in {
+            "standing",
+            "walking",
+        }:  # and never an await
             assert time.monotonic() < deadline
         assert mode == "damped"
 
@@ -131,7 +134,7 @@ async def test_a_halt_at_the_same_time_loses_no_emergency_stop(running):
             adapter.halt()
         for thread in threads:
             thread.join()
-        assert adapter._order.stop == 20
+        assert adapter._body.order.stop == 20
 
 
 async def test_a_latched_fault_is_told_as_one_until_it_is_reset(running):
@@ -149,19 +152,19 @@ async def test_a_latched_fault_is_told_as_one_until_it_is_reset(running):
 async def test_a_stop_has_not_ended_while_the_dog_still_rises(running):
     async with running() as (adapter, robot, _):
         rising = asyncio.create_task(all_of(adapter.stand_up()))
-        await robot.until(lambda: adapter._state.mode == "rising")
+        await robot.until(lambda: adapter._body.state.mode == "rising")
         rising.cancel()
         await adapter.stop("asked")
-        assert adapter._state.mode == "standing"
+        assert adapter._body.state.mode == "standing"
 
 
 async def test_a_stop_ends_a_recovery_where_the_dog_lies(running):
     async with running() as (adapter, robot, _):
         recovery = asyncio.create_task(all_of(adapter.recovery_stand()))
-        await robot.until(lambda: adapter._state.mode == "recovering")
+        await robot.until(lambda: adapter._body.state.mode == "recovering")
         recovery.cancel()
         await adapter.stop("asked")
-        assert (adapter._state.mode, adapter._state.fault) == ("off", "")
+        assert (adapter._body.state.mode, adapter._body.state.fault) == ("off", "")
         await all_of(adapter.stand_up())
 
 
@@ -179,7 +182,7 @@ async def test_the_height_changes_only_while_it_stands(running):
             await all_of(adapter.sit_down(delta_z=0.05))
         await all_of(adapter.stand_up())
         await all_of(adapter.sit_down(delta_z=0.05))
-        await robot.until(lambda: adapter._state.height == pytest.approx(0.22, abs=0.005))
+        await robot.until(lambda: adapter._body.state.height == pytest.approx(0.22, abs=0.005))
 
 
 async def test_it_takes_a_photo_lights_its_lamp_and_tells_its_battery(running, tmp_path):
@@ -187,7 +190,7 @@ async def test_it_takes_a_photo_lights_its_lamp_and_tells_its_battery(running, t
     async with running(camera=f"file:{tmp_path}/shot.jpg") as (adapter, robot, _):
         await adapter.take_photo()
         await adapter.led_toggle()
-        await robot.until(lambda: bool(adapter._state.battery))
+        await robot.until(lambda: bool(adapter._body.state.battery))
         await adapter.battery_check()
     photo = robot.reports_of(PhotoReport)[0]
     assert (photo.width, photo.height) == (640, 480)
@@ -202,7 +205,7 @@ async def test_without_a_camera_a_photo_is_refused(running):
 
 async def test_a_killed_body_controller_is_a_lost_link(running):
     async with running() as (adapter, _, run):
-        os.kill(adapter._body.pid, signal.SIGKILL)
+        os.kill(adapter._body.process.pid, signal.SIGKILL)
         with pytest.raises(LinkLost, match="ended with status -9"):
             await run
 
@@ -210,28 +213,28 @@ async def test_a_killed_body_controller_is_a_lost_link(running):
 async def test_a_frozen_body_controller_is_told_at_once_and_is_a_lost_link(running):
     async with running() as (adapter, robot, _):
         await all_of(adapter.stand_up())
-        os.kill(adapter._body.pid, signal.SIGSTOP)
+        os.kill(adapter._body.process.pid, signal.SIGSTOP)
         await robot.until(lambda: robot.healths[-1].level is Level.OFFLINE)
         assert "the body controller is frozen" in robot.healths[-1].cause
         with pytest.raises(LinkLost, match="frozen"):
-            adapter._look()
-        os.kill(adapter._body.pid, signal.SIGKILL)
+            adapter._body.look()
+        os.kill(adapter._body.process.pid, signal.SIGKILL)
 
 
 async def test_a_signal_to_all_of_a_service_or_a_terminal_does_not_drop_the_dog(running):
     async with running() as (adapter, robot, _):
         await all_of(adapter.stand_up())
         for number in (signal.SIGTERM, signal.SIGHUP, signal.SIGTSTP, signal.SIGINT):
-            os.kill(adapter._body.pid, number)
-        cycles = adapter._state.timing.cycles
-        await robot.until(lambda: adapter._state.timing.cycles > cycles + 30)
-        assert adapter._state.mode == "standing"
+            os.kill(adapter._body.process.pid, number)
+        cycles = adapter._body.state.timing.cycles
+        await robot.until(lambda: adapter._body.state.timing.cycles > cycles + 30)
+        assert adapter._body.state.mode == "standing"
 
 
 async def test_a_dog_sits_down_to_the_end_however_often_its_run_is_cancelled(running):
     async with running() as (adapter, _, run):
         await all_of(adapter.stand_up())
-        process, states = adapter._body._process, adapter._body.states
+        process, states = adapter._body.process._process, adapter._body.process.states
         while not run.done():
             run.cancel()
             await asyncio.wait({run}, timeout=0.2)
@@ -263,14 +266,14 @@ def test_a_dog_that_is_neither_real_nor_simulated_is_refused(changes):
 async def test_what_was_asked_before_a_lost_link_is_not_done_again(running):
     async with running() as (adapter, robot, run):
         await all_of(adapter.stand_up())
-        os.kill(adapter._body.pid, signal.SIGKILL)
+        os.kill(adapter._body.process.pid, signal.SIGKILL)
         with pytest.raises(LinkLost):
             await run
         anew = type(adapter)(adapter.config, robot)
         again = asyncio.create_task(serve(anew))
         try:
-            await robot.until(lambda: anew._state.timing.cycles > 50 and anew._state.mode == "off")
-            assert (anew._state.answered, anew._state.fault) == (0, "")
+            await robot.until(lambda: anew._body.state.timing.cycles > 50 and anew._body.state.mode == "off")
+            assert (anew._body.state.answered, anew._body.state.fault) == (0, "")
         finally:
             again.cancel()
             await asyncio.gather(again, return_exceptions=True)

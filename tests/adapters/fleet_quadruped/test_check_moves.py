@@ -1,5 +1,5 @@
 from fleet.testing.clock import ManualClock
-from fleet_quadruped.body.machine import BodyRequest
+from fleet_quadruped.body.requests import BodyRequest
 from fleet_quadruped.check_moves import Moves
 from fleet_quadruped.safety.stages import Mode
 from fleet_quadruped.sim.mujoco_world import MujocoWorld

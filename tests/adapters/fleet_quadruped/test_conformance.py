@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from fleet.errors import LinkLost
 from fleet_quadruped.body.gait import Twist
-from fleet_quadruped.body.machine import BodyRequest
+from fleet_quadruped.body.requests import BodyRequest
 from fleet_quadruped.drives.base import Power
 from fleet_quadruped.robot.names import JOINTS
 from fleet_quadruped.safety.stages import Mode

@@ -12,7 +12,7 @@ import pytest
 from fleet.errors import LinkLost, LinkRefused
 from fleet.link.canbus.frame import CanFrame
 from fleet_quadruped.body.gait import Twist
-from fleet_quadruped.body.machine import BodyRequest
+from fleet_quadruped.body.requests import BodyRequest
 from fleet_quadruped.control.controller import Controller
 from fleet_quadruped.reports import health_of
 from fleet_quadruped.robot.names import JOINTS

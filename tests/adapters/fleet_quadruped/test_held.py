@@ -5,7 +5,7 @@ import pytest
 from fleet.errors import LinkLost, LinkRefused
 from fleet_quadruped.bench_tools import BenchSession
 from fleet_quadruped.body.gait import Twist
-from fleet_quadruped.body.machine import BodyRequest
+from fleet_quadruped.body.requests import BodyRequest
 from fleet_quadruped.control.loop import Loop
 from fleet_quadruped.control.orders import Order
 from fleet_quadruped.drives.base import Power
@@ -93,7 +93,7 @@ def test_a_controller_that_is_started_again_at_once_finds_drives_that_are_still_
 def test_a_cable_that_is_cut_and_mended_does_not_drop_it(dog, seconds, simple):
     rig = Watched(dog)
     for drive in rig.sim.drives if simple else ():
-        drive.be_simple()
+        drive.sdo.be_simple()
     rig.controller.drives.configure()
     rig.stand()
     rig.go(1.5, Twist(0.5))

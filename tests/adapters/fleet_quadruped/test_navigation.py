@@ -11,7 +11,7 @@ from fleet.host.follow.motion_laws import MotionLimits
 from fleet.model.navigation import FollowPath, Goal, GoTo, RelativeMove
 from fleet_quadruped import QuadrupedAdapter
 from fleet_quadruped.body.gait import Twist
-from fleet_quadruped.body.machine import BodyRequest
+from fleet_quadruped.body.requests import BodyRequest
 from fleet_quadruped.sim.mujoco_world import MujocoWorld
 from fleet_quadruped.sim.rig import Rig
 

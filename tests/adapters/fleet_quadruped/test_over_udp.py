@@ -75,17 +75,19 @@ async def _walk_and_kill(running, bus):
         async for _ in adapter.stand_up():
             pass
         adapter.drive(Velocity(Vector3(0.4)))
-        await robot.until(lambda: adapter._state.x > 0.1 or run.done() or adapter._state.mode == "damped")
-        if run.done() or adapter._state.mode == "damped":
-            raise Fault(adapter._state.fault)
+        await robot.until(
+            lambda: adapter._body.state.x > 0.1 or run.done() or adapter._body.state.mode == "damped"
+        )
+        if run.done() or adapter._body.state.mode == "damped":
+            raise Fault(adapter._body.state.fault)
         assert states(bus) == {DriveState.ENABLED}
-        os.kill(adapter._body.pid, signal.SIGKILL)
+        os.kill(adapter._body.process.pid, signal.SIGKILL)
         with pytest.raises(LinkLost):
             await run
         assert _stopped(bus) == {DriveState.QUICK_STOP}
     async with running(link=None, buses={"a": bus}) as (adapter, robot, _):
-        await robot.until(lambda: adapter._state.mode == "damped")
-        await robot.until(lambda: adapter._state.mode == "off")
+        await robot.until(lambda: adapter._body.state.mode == "damped")
+        await robot.until(lambda: adapter._body.state.mode == "off")
     assert states(bus) == {DriveState.SWITCH_ON_DISABLED}
 
 

@@ -399,7 +399,7 @@ def quickly(monkeypatch):
     """Wait less than on a stranger's computer for what never comes."""
     NEWEST[:] = [b"?\n"]
     monkeypatch.setattr("fleet.testing.contract.ONLINE_WITHIN", 1.5)
-    monkeypatch.setattr("fleet.testing.contract.STOP_WITHIN", 0.5)
+    monkeypatch.setattr("fleet.testing.motion.STOP_WITHIN", 0.5)
 
 
 @pytest.mark.parametrize("adapter", [Rig, Cart])

@@ -50,3 +50,12 @@ def test_a_motor_that_says_no_status_is_not_enabled_before_it_has_answered(dog):
             drives.take("a", frame, 0.01 * cycle)
     powers = drives.feedback(0.5).powers
     assert [power is Power.ENABLED for power in powers] == [number != 5 for number in range(1, 13)]
+
+
+def test_motors_that_were_without_power_get_their_watchdog_again(mit_dog):
+    sim, buses = lockstep(mit_dog)
+    drives = drives_of(mit_dog, buses)
+    drives.configure()
+    for drive in sim.drives:
+        drive.boot()
+    drives.configure()  # raises LinkRefused for a watchdog that is not as it was set

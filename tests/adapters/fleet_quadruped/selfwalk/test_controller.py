@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from fleet.errors import LinkLost, LinkRefused
 from fleet_quadruped.any_description import load_body
 from fleet_quadruped.body.gait import Twist
-from fleet_quadruped.body.machine import BodyRequest
+from fleet_quadruped.body.requests import BodyRequest
 from fleet_quadruped.frames import FrameDecoder
 from fleet_quadruped.robot.description import EXAMPLE
 from fleet_quadruped.safety.stages import Mode

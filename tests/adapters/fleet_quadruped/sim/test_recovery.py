@@ -4,7 +4,7 @@ import random
 import pytest
 
 from fleet.model.geometry import quaternion_from_euler
-from fleet_quadruped.body.machine import BodyRequest
+from fleet_quadruped.body.requests import BodyRequest
 from fleet_quadruped.safety.stages import Mode
 from fleet_quadruped.sim.mujoco_world import MujocoWorld
 from fleet_quadruped.sim.rig import Rig

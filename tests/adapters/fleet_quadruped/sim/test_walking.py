@@ -133,7 +133,7 @@ def test_no_joint_leaves_its_limits_when_the_controller_dies_in_mid_trot(
 def test_drives_without_a_torque_offset_walk_too(dog):
     rig = Rig(dog, MujocoWorld(dog))
     for drive in rig.sim.drives:
-        drive.be_plain()
+        drive.sdo.be_plain()
     rig.controller.drives.configure()
     rig.stand()
     assert speed(rig, Twist(0.5))[0] == pytest.approx(0.5, rel=0.1)

@@ -1,0 +1,100 @@
+"""What the body can be asked, and when: tables, and the reasons for which it refuses to get up."""
+
+from __future__ import annotations
+
+import enum
+from collections.abc import Callable, Mapping
+from types import MappingProxyType
+
+from fleet_quadruped.body.measured import Imu
+from fleet_quadruped.safety.stages import Mode
+
+UPRIGHT_FROM = 0.85  # of the body's z axis that must point up before it rises
+_LEVEL = 0.15  # rad that a dog may be tilted where it is checked
+
+
+class BodyRequest(enum.StrEnum):
+    """What the body can be asked."""
+
+    STAND = "stand"
+    SIT = "sit"
+    RECOVER = "recover"
+    CHECK = "check"
+    HEIGHT = "height"
+    POSE = "pose"
+    RESET = "reset"
+
+
+STANDS = frozenset({Mode.STANDING, Mode.WALKING})
+ALREADY: Mapping[BodyRequest, frozenset[Mode]] = MappingProxyType(
+    {
+        BodyRequest.STAND: STANDS | {Mode.RISING},
+        BodyRequest.RECOVER: STANDS,
+        BodyRequest.SIT: frozenset({Mode.OFF, Mode.SITTING, Mode.SETTLING}),
+    }
+)
+"""Modes in which what is asked is done, or being done."""
+ENTERED: Mapping[tuple[BodyRequest, Mode], Mode] = MappingProxyType(
+    {
+        (BodyRequest.SIT, Mode.RECOVERING): Mode.SETTLING,  # it lies already, and gives way as it does
+        (BodyRequest.SIT, Mode.STANDING): Mode.SITTING,
+        (BodyRequest.SIT, Mode.WALKING): Mode.SITTING,
+        (BodyRequest.SIT, Mode.POSING): Mode.SITTING,
+        (BodyRequest.SIT, Mode.HELD): Mode.SITTING,
+    }
+)
+"""Requests that a mode answers with another mode."""
+STARTED: Mapping[BodyRequest, Mode] = MappingProxyType(
+    {
+        BodyRequest.STAND: Mode.RISING,
+        BodyRequest.POSE: Mode.POSING,
+        BodyRequest.RECOVER: Mode.RECOVERING,
+        BodyRequest.CHECK: Mode.CHECKING,
+    }
+)
+"""Requests that enable the drives of a dog that is off, and the mode that follows."""
+
+
+def refusal(ask: BodyRequest, mode: Mode, fault: str, imu: Imu | None, *, can_roll: bool) -> str:
+    """Return why the drives are not enabled for a request; empty when they are.
+
+    ``fault`` is the one that is latched, ``can_roll``: its description has roll poses.
+    """
+    if mode is not Mode.OFF or ask not in STARTED:
+        return f"it is {mode.value}; stop it first" if ask is BodyRequest.POSE else f"it is {mode.value}"
+    if fault:
+        return f"a fault is latched: {fault}; look at the dog, then send reset_faults"
+    return _LIES_WRONGLY[ask](imu, can_roll)
+
+
+def _not_upright(hint: str) -> Callable[[Imu | None, bool], str]:
+    def why(imu: Imu | None, _can_roll: bool) -> str:  # noqa: FBT001 - one of a table
+        return f"it is not upright; {hint}" if imu is not None and imu.up < UPRIGHT_FROM else ""
+
+    return why
+
+
+def _cannot_recover(imu: Imu | None, can_roll: bool) -> str:  # noqa: FBT001 - one of a table
+    if imu is None:
+        return "without an IMU nobody knows how it lies"
+    if imu.up < UPRIGHT_FROM and not can_roll:
+        return "it is not upright and its description has no roll poses; put it on its feet"
+    return ""
+
+
+def _cannot_be_checked(imu: Imu | None, _can_roll: bool) -> str:  # noqa: FBT001 - one of a table
+    if imu is None:
+        return "without an IMU nobody knows how it lies"
+    if imu.tilt > _LEVEL:
+        return f"it lies tilted by {imu.tilt:.2f} rad; put it on a level floor, on its belly"
+    return ""
+
+
+_LIES_WRONGLY: Mapping[BodyRequest, Callable[[Imu | None, bool], str]] = MappingProxyType(
+    {
+        BodyRequest.STAND: _not_upright("send recovery_stand, or check how its IMU is mounted"),
+        BodyRequest.POSE: _not_upright("put it on its belly"),
+        BodyRequest.RECOVER: _cannot_recover,
+        BodyRequest.CHECK: _cannot_be_checked,
+    }
+)

@@ -1,0 +1,56 @@
+"""What the body wants, written to the drives within the limits."""
+
+from __future__ import annotations
+
+from fleet_quadruped.body.machine import Wanted, Wish
+from fleet_quadruped.body.measured import ZEROS, Targets
+from fleet_quadruped.drives.base import JointDrive, Joints
+from fleet_quadruped.robot.description import DogDescription
+from fleet_quadruped.robot.names import Twelve
+from fleet_quadruped.safety.limits import JointLimits
+
+
+class TargetWriter:
+    """Writes to the drives of a dog.
+
+    ``last``: the angles that were written last, rad. ``clamped``: how many targets the limits changed.
+    """
+
+    def __init__(self, dog: DogDescription, drives: JointDrive) -> None:
+        self.last: Twelve = ZEROS
+        self.clamped = 0
+        self._drives = drives
+        self._kd = dog.safety.kd
+        self._stale = dog.safety.stale_cycles * dog.dt
+        self._limits = JointLimits(dog.all_joints, dog.safety)
+
+    def write(self, wanted: Wanted, joints: Joints, dt: float) -> None:
+        """Do what the body wants of the drives."""
+        match wanted.wish:
+            case Wish.HOLD:
+                self._drives.write(self._limited(wanted.targets, joints.angles, dt))
+                return
+            case Wish.LOWER:
+                self._drives.lower(self._limited(wanted.targets, self._known(joints), dt), self._kd)
+                return
+            case Wish.ENABLE:
+                self._drives.enable()
+            case Wish.DAMP:
+                self._drives.damp(self._kd)
+            case Wish.RESET:
+                self._drives.reset_fault()
+            case Wish.REST:
+                self._drives.disable()
+        self.last = joints.angles
+
+    def _limited(self, targets: Targets, measured: Twelve, dt: float) -> Targets:
+        """Return targets within the limits."""
+        safe = self._limits.limit(targets, self.last, measured, dt)
+        self.clamped += safe.clamped
+        self.last = safe.targets.angles
+        return safe.targets
+
+    def _known(self, joints: Joints) -> Twelve:
+        """Return where the joints are; one that is silent counts as where it was sent."""
+        told = zip(joints.angles, joints.ages, self.last, strict=True)
+        return tuple([last if age > self._stale else angle for angle, age, last in told])

@@ -1,0 +1,83 @@
+"""What the drives of every protocol have in common: one drive as last heard, and all drives of a dog."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Mapping, Sequence
+from dataclasses import KW_ONLY, dataclass, field
+from operator import attrgetter
+from typing import Generic, TypeVar
+
+from fleet import CanBus
+from fleet_quadruped.drives.answers import Answers
+from fleet_quadruped.drives.base import NEVER, Joints, Power
+from fleet_quadruped.robot.description import DogDescription, Joint
+
+
+@dataclass(slots=True)
+class HeardDrive(ABC):
+    """One drive as it was last heard: rad, rad/s, N m of the joint; degrees C; V; times in monotonic seconds.
+
+    ``restarted``: it has forgotten how it was configured, and is not trusted until it is configured again.
+    """
+
+    joint: Joint
+    _: KW_ONLY
+    angle: float = 0.0
+    speed: float = 0.0
+    torque: float = 0.0
+    temperature: float | None = None
+    voltage: float | None = None
+    told_at: float = NEVER
+    answers: Answers = field(default_factory=Answers)
+    restarted: bool = False
+
+    @abstractmethod
+    def power(self, now: float) -> tuple[Power, str]:
+        """Return what the drive is doing, and its fault; empty without one."""
+
+    @property
+    def two_with_its_id(self) -> str:
+        """The fault of two drives that have one id."""
+        return f"two drives answer as id {self.joint.id} on bus {self.joint.bus}: give each its own"
+
+
+HeardT = TypeVar("HeardT", bound=HeardDrive)
+_VALUES = attrgetter("angle", "speed", "torque", "told_at", "temperature", "voltage", "restarted")
+
+
+class DriveGroup(Generic[HeardT]):
+    """Drives of one dog, on the buses by their names; a protocol adds the rest of ``JointDrive``."""
+
+    def __init__(self, dog: DogDescription, buses: Mapping[str, CanBus], drives: Sequence[HeardT]) -> None:
+        self._dog = dog
+        self._buses = buses
+        self._drives = drives
+
+    @staticmethod
+    def problems(dog: DogDescription) -> list[str]:  # noqa: ARG004 - each key is checked by itself already
+        """Return that nothing is wrong."""
+        return []
+
+    @staticmethod
+    def shared(dog: DogDescription) -> tuple[int, ...]:  # noqa: ARG004 - some protocols need it
+        """Return none: each drive has its own identifiers."""
+        return ()
+
+    def begin_cycle(self, now: float) -> None:  # noqa: ARG002 - every cycle is alike
+        """Begin a cycle; the commands of the last one were its questions."""
+        for drive in self._drives:
+            drive.answers.begin()
+
+    def complete(self) -> bool:
+        """Return True when each drive has answered."""
+        return all(drive.answers.complete for drive in self._drives)
+
+    def feedback(self, now: float) -> Joints:
+        """Return what is known of the joints."""
+        angles, speeds, torques, told, temperatures, voltages, restarted = zip(
+            *map(_VALUES, self._drives), strict=True
+        )
+        powers, faults = zip(*[drive.power(now) for drive in self._drives], strict=True)
+        ages = tuple([now - at for at in told])
+        return Joints(angles, speeds, torques, powers, ages, temperatures, faults, voltages, restarted)

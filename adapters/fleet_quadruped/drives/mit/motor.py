@@ -1,0 +1,92 @@
+"""One MIT motor as it was last heard, and the commands for it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from fleet import CanFrame
+from fleet_quadruped.drives.base import NEVER, Power
+from fleet_quadruped.drives.damping import DampingDrive
+from fleet_quadruped.drives.mit import frames as wire
+from fleet_quadruped.drives.mit.frames import MitCommand
+from fleet_quadruped.drives.mit.profiles import MotorProfile
+
+
+@dataclass(slots=True)
+class MitMotor(DampingDrive):
+    """One motor. ``gains``: those of the description, as they are in a command.
+
+    A Damiao motor says whether it is enabled (``status``). Of the others it is known by what they were sent:
+    ``enabled``: we asked for it. ``unknown``: nobody has told it to be off or on yet, so that it may hold.
+    ``answered``: since it was asked to be enabled.
+    """
+
+    profile: MotorProfile
+    layout: wire.Layout
+    gains: int
+    status: int | None = None
+    enabled: bool = False
+    unknown: bool = True
+    answered: bool = False
+
+    def take(self, data: bytes, now: float) -> None:
+        """Take a reply; one that is too short is ignored."""
+        reply = self.layout.unpack_reply(data)
+        if reply is None:
+            return
+        _, angle, speed, torque, self.status, self.temperature = reply
+        self.angle, self.speed, self.torque = self.units.joint(angle, speed, torque)
+        self.told_at, self.answered = now, True
+        self.answers.take(data)
+        self.note_hold(obeys=self.status == wire.ENABLED, let_go=self.status == wire.DISABLED)
+
+    @property
+    def is_enabled(self) -> bool:
+        """True when it is certain that the motor obeys commands."""
+        if self.profile.damiao:
+            return self.status == wire.ENABLED
+        return self.enabled and self.answered
+
+    def power(self, now: float) -> tuple[Power, str]:  # noqa: ARG002 - a motor answers in each cycle, or is old
+        """Return what the motor is doing, and its fault."""
+        if self.told_at == NEVER:
+            return Power.ABSENT, ""
+        fault = self._fault()
+        if fault:
+            return Power.FAULT, fault
+        may_hold = self.is_enabled or (self.unknown and not self.profile.damiao)
+        return self.obeying if may_hold else Power.DISABLED, ""
+
+    def _fault(self) -> str:
+        """Return why the motor is not to be trusted, empty when it is."""
+        status = self.status
+        if self.profile.damiao and status is not None and status in wire.STATUS:
+            return f"{wire.STATUS[status]} (status {status:X}h)"
+        if self.profile.error_at is not None and status:
+            return f"error {status} of the motor"
+        if self.answers.doubled:
+            return self.two_with_its_id
+        return self.let_go_as("status 0h") if self.restarted else ""
+
+    def enable(self) -> None:
+        """Enable the motor; one that is enabled is held without force, so that nothing kicks."""
+        if self.is_enabled:
+            self.send(self.layout.pack_command(MitCommand(self.joint.motor(self.angle))))
+            return
+        self.answered = self.answered and self.enabled
+        self.enabled, self.unknown = True, False
+        self.send(wire.ENABLE)
+
+    def disable(self) -> None:
+        """Take the torque off."""
+        self.enabled = self.unknown = False
+        self.send(wire.DISABLE)
+
+    def damping(self, kd: float) -> CanFrame:
+        """Return the command that damps (N m s/rad); a motor that is off stays off, and answers."""
+        damped = MitCommand(self.joint.motor(self.angle), kd=kd / self.joint.kind.ratio**2)
+        return CanFrame(self.id, self.layout.pack_command(damped))
+
+    def send(self, data: bytes) -> None:
+        """Send a command."""
+        self.bus.send(CanFrame(self.id, data))

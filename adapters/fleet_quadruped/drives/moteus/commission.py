@@ -1,0 +1,114 @@
+"""Checks and configures moteus servos through their diagnostics: lines of text, each with an answer."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+from fleet import CanFrame, LinkRefused
+from fleet_quadruped.drives.asking import Requester
+from fleet_quadruped.drives.base import NEVER
+from fleet_quadruped.drives.moteus import frames as wire
+from fleet_quadruped.drives.moteus.servo import MoteusServo
+
+_KP, _KD, _KI = "servo.pid_position.kp", "servo.pid_position.kd", "servo.pid_position.ki"
+_TIMEOUT_MODE, _TIMEOUT_TORQUE = "servo.timeout_mode", "servo.timeout_max_torque_Nm"
+_ROUNDING = 1.001
+
+
+class Diagnostics:
+    """The diagnostics of some servos: configured values are read and set by lines of text."""
+
+    def __init__(self, servos: Sequence[MoteusServo], requester: Requester) -> None:
+        self._servos = servos
+        self._requester = requester
+        self._lines = dict.fromkeys((one.joint.name for one in servos), "")  # still to be sent, by joint
+        self._texts = dict.fromkeys(self._lines, b"")  # answered, by joint
+
+    def take(self, servo: MoteusServo, text: bytes) -> None:
+        """Take text that a servo answers, or a part of it."""
+        self._texts[servo.joint.name] += text
+
+    def read(self, name: str) -> list[float]:
+        """Return a configured value of each servo; raises LinkRefused for what is no number."""
+        texts = self._answers([f"conf get {name}\n"] * len(self._servos))
+        return [_number(servo, name, text) for servo, text in zip(self._servos, texts, strict=True)]
+
+    def write(self, name: str, values: Sequence[float]) -> None:
+        """Set a value of each servo until power-off, and read it back; raises LinkRefused."""
+        self._answers([f"conf set {name} {value:g}\n" for value in values])
+        for servo, wanted, actual in zip(self._servos, values, self.read(name), strict=True):
+            if not math.isclose(actual, wanted, rel_tol=1e-3):
+                raise LinkRefused(f"{servo.joint.name}: {name} is {actual:g}, wanted {wanted:g}")
+
+    def _answers(self, lines: Sequence[str]) -> list[str]:
+        """Send each servo its line; return the last line that each answers."""
+        for servo, line in zip(self._servos, lines, strict=True):
+            self._lines[servo.joint.name], self._texts[servo.joint.name] = line, b""
+        self._requester.ask(
+            self._servos, self._next_line, lambda one: self._texts[one.joint.name].endswith(b"\n")
+        )
+        return [text.decode("ascii", "replace").splitlines()[-1] for text in self._texts.values()]
+
+    def _next_line(self, servo: MoteusServo) -> CanFrame:
+        """Return a servo's line; once sent, only the question for its answer: twice is answered twice."""
+        line, self._lines[servo.joint.name] = self._lines[servo.joint.name], ""
+        return servo.frame(wire.pack_text(line))
+
+
+def commission(
+    servos: Sequence[MoteusServo], requester: Requester, diagnostics: Diagnostics, safety_kd: float
+) -> None:
+    """Check what positions refer to and the gains; have the servos damp when they hear nothing.
+
+    ``safety_kd``: the damping (N m s/rad of a joint) that must be possible. Raises LinkLost or LinkRefused.
+    """
+    for servo in servos:
+        servo.restarted, servo.told_at = False, NEVER
+    requester.ask(servos, lambda one: one.frame(wire.pack_query()), lambda one: one.told_at > NEVER)
+    for servo in servos:
+        _check_home(servo)
+    kp, kd, ki = (diagnostics.read(name) for name in (_KP, _KD, _KI))
+    for servo, *found in zip(servos, kp, kd, ki, strict=True):
+        _take_gains(servo, safety_kd, *found)
+    diagnostics.write(_TIMEOUT_MODE, [float(wire.DAMPS)] * len(servos))
+    diagnostics.write(_TIMEOUT_TORQUE, [servo.torque_limit() for servo in servos])
+
+
+def _check_home(servo: MoteusServo) -> None:
+    """Refuse a position of which nobody knows what it refers to."""
+    joint = servo.joint
+    if servo.home == wire.REFERS_TO_NOTHING:
+        raise LinkRefused(f"{joint.name}: its position refers to nothing (register 00Ch is 0): home it")
+    if servo.home == wire.REFERS_TO_ROTOR and joint.kind.ratio != 1:
+        raise LinkRefused(
+            f"{joint.name}: its position refers to the rotor (register 00Ch is 1), and the joint "
+            f"turns once for {joint.kind.ratio:g} of it: set the output's place (d exact)"
+        )
+
+
+def _take_gains(servo: MoteusServo, safety_kd: float, kp: float, kd: float, ki: float) -> None:
+    """Take the gains that a servo has; what is wanted is a share of them. Raises LinkRefused."""
+    name, safety = servo.joint.name, safety_kd / servo.joint.kind.ratio**2 * wire.TURN
+    if ki != 0:
+        raise LinkRefused(f"{name}: {_KI} is {ki:g}, wanted 0")
+    if servo.kp > kp * _ROUNDING:
+        raise LinkRefused(f"{name}: {_KP} is {kp:g}, wanted {servo.kp:g} or more (N m/turn)")
+    most = max(servo.kd, safety)
+    if servo.kp > 0:
+        most = max(most, servo.kd / servo.kp * kp)  # its damping is limited to the share of its stiffness
+    if most > kd * _ROUNDING:
+        raise LinkRefused(f"{name}: {_KD} is {kd:g}, wanted {most:g} or more (N m s/turn)")
+    servo.kp_scale = min(1.0, servo.kp / kp) if kp else 0.0
+    servo.kd_scale, servo.full_kd = min(1.0, servo.kd / kd), kd
+
+
+def _number(servo: MoteusServo, name: str, text: str) -> float:
+    """Return an answer as a number; raises LinkRefused."""
+    try:
+        value = float(text)
+    except ValueError:
+        value = math.nan
+    if not math.isfinite(value):
+        raise LinkRefused(f"{servo.joint.name}: {name} is {text!r}, which is no number")
+    return value

@@ -1,0 +1,109 @@
+"""One moteus servo as it was last heard, and the commands for it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from fleet import CanFrame
+from fleet_quadruped.drives.base import NEVER, Power
+from fleet_quadruped.drives.damping import DampingDrive
+from fleet_quadruped.drives.moteus import frames as wire
+from fleet_quadruped.drives.moteus.frames import Demand
+
+_POWERS: Mapping[int, Power] = {
+    wire.STOPPED: Power.DISABLED,
+    wire.TIMED_OUT: Power.STOPPING,
+    wire.DAMPS: Power.STOPPING,
+    wire.BRAKES: Power.STOPPING,
+    **dict.fromkeys(wire.STARTING, Power.STARTING),
+}
+_LET_GO = wire.STARTING | {wire.STOPPED}
+"""Modes of a servo that was restarted; told to obey, it begins to, from wherever it believes that it is."""
+_SILENT_MODES = frozenset({None, wire.STOPPED, wire.FAILED, wire.TIMED_OUT})
+"""Modes in which a servo is not told to damp: it has no torque, or damps already."""
+
+
+@dataclass(slots=True)
+class MoteusServo(DampingDrive):
+    """One servo. ``kp`` (N m/turn) and ``kd`` (N m s/turn) of the motor: as the description wants them.
+
+    ``watchdog``: s after which it damps when it hears nothing. ``full_kd``: as configured, N m s/turn.
+    """
+
+    kp: float
+    kd: float
+    watchdog: float
+    mode: int | None = None
+    home: int = wire.REFERS_TO_NOTHING
+    code: int = 0
+    kp_scale: float = 0.0
+    kd_scale: float = 0.0
+    full_kd: float = math.inf
+
+    def take(self, told: dict[int, float], data: bytes, now: float) -> None:
+        """Take registers that the servo tells of itself, if they are numbers."""
+        turns, speed, torque = told[wire.POSITION], told[wire.VELOCITY], told[wire.TORQUE]
+        if not (math.isfinite(turns) and math.isfinite(speed) and math.isfinite(torque)):
+            return
+        self.angle, self.speed, self.torque = self.units.joint(turns * wire.TURN, speed * wire.TURN, torque)
+        self.mode, self.code, self.home = (int(told[at]) for at in (wire.MODE, wire.FAULT, wire.HOME))
+        self.voltage, self.temperature = told[wire.VOLTAGE], told[wire.TEMPERATURE]
+        self.told_at = now
+        self.answers.take(data)
+        self.note_hold(obeys=self.mode == wire.OBEYS, let_go=self.mode in _LET_GO)
+
+    def power(self, now: float) -> tuple[Power, str]:  # noqa: ARG002 - a servo answers in each cycle, or is old
+        """Return what the servo is doing, and its fault."""
+        mode = self.mode
+        if self.told_at == NEVER or mode is None:
+            return Power.ABSENT, ""
+        fault = self._fault()
+        if fault:
+            return Power.FAULT, fault
+        return (self.obeying if mode == wire.OBEYS else _POWERS[mode]), ""
+
+    def _fault(self) -> str:
+        """Return why the servo is not to be trusted, empty when it is."""
+        mode = self.mode
+        if mode == wire.FAILED:
+            return f"{wire.FAULTS.get(self.code, 'fault')} (register 00Fh is {self.code})"
+        if self.answers.doubled:
+            return self.two_with_its_id
+        if self.restarted:
+            return self.let_go_as("mode 0")
+        known = mode == wire.OBEYS or mode in _POWERS
+        return "" if known else f"id {self.id} is in mode {mode}, which we did not ask for"
+
+    def torque_limit(self, most: float | None = None) -> float:
+        """Return the torque (N m of the motor) that the servo may use, at the most that of its joint."""
+        kind = self.joint.kind
+        return (kind.torque if most is None else min(kind.torque, most)) / kind.ratio
+
+    def hold_limp(self, most: float) -> None:
+        """Ask for position mode where the servo is, without force; ``most``: N m of the motor."""
+        limp = Demand(math.nan, 0.0, 0.0, 0.0, 0.0, most, self.watchdog)
+        self.send(wire.pack_demand(wire.OBEYS, limp))
+
+    def damp(self, kd: float) -> None:
+        """Zero velocity: no stiffness, only damping (N m s/rad). A servo without torque is only asked."""
+        if self.mode in _SILENT_MODES:
+            self.send(wire.pack_query())
+            return
+        share = min(1.0, kd / self.joint.kind.ratio**2 * wire.TURN / self.full_kd)
+        demand = Demand(math.nan, 0.0, 0.0, 0.0, share, self.torque_limit(), self.watchdog)
+        self.send(wire.pack_demand(wire.DAMPS, demand))
+
+    def disable(self) -> None:
+        """Stop: no torque. One with a fault has none, and is only asked: a stop would clear its fault."""
+        off = self.mode in {wire.FAILED, wire.STOPPED}
+        self.send(wire.pack_query() if off else wire.pack_mode(wire.STOPPED))
+
+    def send(self, data: bytes) -> None:
+        """Send sub-frames."""
+        self.bus.send(self.frame(data))
+
+    def frame(self, data: bytes) -> CanFrame:
+        """Return the frame that brings sub-frames to the servo."""
+        return CanFrame(wire.to_servo(self.id), data, fd=True)

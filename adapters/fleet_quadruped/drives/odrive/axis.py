@@ -1,0 +1,129 @@
+"""One ODrive as it was last heard, and the commands for it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from types import MappingProxyType
+
+from fleet import CanFrame
+from fleet_quadruped.drives.base import NEVER, Power
+from fleet_quadruped.drives.damping import DampingDrive
+from fleet_quadruped.drives.odrive import frames as wire
+from fleet_quadruped.drives.odrive.frames import Cmd, State
+
+_STATE_AGE = 0.35  # s after which a drive whose heartbeat does not come is not trusted
+
+
+@dataclass(slots=True)
+class OdriveAxis(DampingDrive):
+    """One drive. The gains are those of the description, as they are in a command."""
+
+    position_gain: bytes
+    velocity_gains: bytes
+    state: int | None = None
+    state_at: float = NEVER
+    errors: int = 0
+    version: tuple[int, int] | None = None
+    serials: set[bytes] = field(default_factory=set)
+    parameters: dict[int, bytes] = field(default_factory=dict)  # by endpoint
+
+    def take(self, command: int, data: bytes, now: float) -> None:
+        """Take what a command carries; one that is not known, or is cut short, is ignored."""
+        takes = _TAKES.get(command)
+        if takes is not None:
+            takes(self, data, now)
+
+    def power(self, now: float) -> tuple[Power, str]:
+        """Return what the drive is doing, and its fault."""
+        if self.told_at == NEVER or self.state is None:
+            return Power.ABSENT, ""
+        fault = self._fault(now)
+        if fault:
+            return Power.FAULT, fault
+        return (self.obeying if self.state == State.CLOSED_LOOP else Power.DISABLED), ""
+
+    def _fault(self, now: float) -> str:
+        """Return why the drive is not to be trusted, empty when it is."""
+        if len(self.serials) > 1:
+            return self.two_with_its_id
+        if self.errors:
+            return f"{wire.words(self.errors)} (active errors {self.errors:X}h)"
+        if self.restarted:
+            return self.let_go_as("state 1")
+        if now - self.state_at > _STATE_AGE:
+            return f"no heartbeat (command 01h) from id {self.id} for {now - self.state_at:.2f} s"
+        if self.state not in {State.UNDEFINED, State.IDLE, State.CLOSED_LOOP}:
+            return f"id {self.id} is in state {self.state}, in which it moves its motor by itself"
+        return ""
+
+    def stay(self) -> None:
+        """Send the drive to where it is; one that was never heard is sent nowhere."""
+        if self.told_at > NEVER:
+            self.send(Cmd.INPUT_POS, wire.pack_input(*self.units.motor(self.angle, 0.0, 0.0)))
+
+    def send(self, command: Cmd, data: bytes) -> None:
+        """Send a command."""
+        self.bus.send(CanFrame(wire.identifier(self.id, command), data))
+
+    def take_estimates(self, data: bytes, now: float) -> None:
+        """Take angle and speed."""
+        told = wire.unpack_pair(data)
+        if told is None:
+            return
+        turns, speed = told
+        self.angle, self.speed, _ = self.units.joint(turns * wire.TURN, speed * wire.TURN, 0.0)
+        self.told_at = now
+        self.answers.take(data)
+
+    def take_heartbeat(self, data: bytes, now: float) -> None:
+        """Take errors and state; notice a drive that lets go although nobody told it to."""
+        told = wire.unpack_heartbeat(data)
+        if told is None:
+            return
+        self.errors, self.state, self.state_at = told.errors, told.state, now
+        self.note_hold(obeys=self.state == State.CLOSED_LOOP, let_go=not self.errors)
+
+    def take_torques(self, data: bytes, _now: float) -> None:
+        """Take the torque."""
+        told = wire.unpack_pair(data)
+        if told is not None:
+            self.torque = self.units.joint(0.0, 0.0, told[1])[2]
+
+    def take_temperatures(self, data: bytes, _now: float) -> None:
+        """Take the temperature."""
+        self.temperature = wire.warmest(data)
+
+    def take_supply(self, data: bytes, _now: float) -> None:
+        """Take the voltage of the supply."""
+        told = wire.unpack_pair(data)
+        self.voltage = told[0] if told else self.voltage
+
+    def take_version(self, data: bytes, _now: float) -> None:
+        """Take the version of the firmware."""
+        self.version = wire.unpack_version(data) or self.version
+
+    def take_address(self, data: bytes, _now: float) -> None:
+        """Note the serial number of a drive: two at one id are two drives."""
+        if len(data) >= 7:
+            self.serials.add(data[1:7])
+
+    def take_parameter(self, data: bytes, _now: float) -> None:
+        """Take a parameter that was read."""
+        told = wire.unpack_parameter(data)
+        if told is not None:
+            self.parameters[told[1]] = told[2]
+
+
+_TAKES: Mapping[int, Callable[[OdriveAxis, bytes, float], None]] = MappingProxyType(
+    {
+        Cmd.ESTIMATES: OdriveAxis.take_estimates,
+        Cmd.HEARTBEAT: OdriveAxis.take_heartbeat,
+        Cmd.TORQUES: OdriveAxis.take_torques,
+        Cmd.TEMPERATURE: OdriveAxis.take_temperatures,
+        Cmd.SUPPLY: OdriveAxis.take_supply,
+        Cmd.VERSION: OdriveAxis.take_version,
+        Cmd.ADDRESS: OdriveAxis.take_address,
+        Cmd.TOLD: OdriveAxis.take_parameter,
+    }
+)

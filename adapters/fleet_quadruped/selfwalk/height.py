@@ -1,0 +1,27 @@
+"""The height at which a machine that walks by itself is asked to stand."""
+
+from __future__ import annotations
+
+from fleet import CanFrame
+from fleet_quadruped.safety.stages import Mode
+from fleet_quadruped.selfwalk.description import SelfWalker
+
+_STANDS = frozenset({Mode.STANDING, Mode.WALKING})
+
+
+class StandingHeight:
+    """The height that was asked for last (``value``, m)."""
+
+    def __init__(self, walker: SelfWalker) -> None:
+        self.value = walker.height
+        self._walker = walker
+        self._frame = walker.wire.height
+
+    def change(self, change: float, mode: Mode) -> tuple[CanFrame | None, str]:
+        """Return the frame for a height that is so much greater (m), and why not; empty when it is done."""
+        if self._frame is None:
+            return None, "this machine's description has no height"
+        if mode not in _STANDS:
+            return None, f"it is {mode.value}; stand up first"
+        self.value = max(self._walker.lowest, min(self._walker.highest, self.value + change))
+        return self._frame(self.value), ""

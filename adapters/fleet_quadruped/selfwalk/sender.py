@@ -1,0 +1,29 @@
+"""Frames to a machine that walks by itself, with the counters and checksums that it wants."""
+
+from __future__ import annotations
+
+from fleet import CanBus, CanFrame
+from fleet_quadruped.body.gait import Twist
+from fleet_quadruped.frame_integrity import Seal
+from fleet_quadruped.frames import FrameEncoder
+from fleet_quadruped.selfwalk.wire import AXES, Wire
+
+
+class FrameSender:
+    """Sends frames of a machine on its bus."""
+
+    def __init__(self, bus: CanBus, wire: Wire) -> None:
+        self._bus = bus
+        self._seals = {number: Seal(number, sealed) for number, sealed in wire.seals.items()}
+        self._velocities = [(frame.id, FrameEncoder(frame)) for frame in wire.velocity]
+
+    def put(self, frame: CanFrame) -> None:
+        """Put a frame on the bus, with its counter and checksum."""
+        seal = self._seals.get(frame.id)
+        self._bus.send(CanFrame(frame.id, seal.put(frame.data)) if seal else frame)
+
+    def send(self, twist: Twist) -> None:
+        """Send a velocity."""
+        values = dict(zip(AXES, twist, strict=True))
+        for number, encoder in self._velocities:
+            self.put(CanFrame(number, encoder.encode(values)))

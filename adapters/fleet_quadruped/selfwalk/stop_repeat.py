@@ -1,0 +1,26 @@
+"""How long a stop is repeated to a machine that walks by itself."""
+
+from __future__ import annotations
+
+import math
+
+_AT_LEAST = 0.2  # s for which a stop is repeated
+
+
+class StopRepeat:
+    """A stop is sent for a moment; an emergency stop until the machine has obeyed it (``pending``)."""
+
+    def __init__(self) -> None:
+        self.pending = False
+        self._until = -math.inf
+
+    def begin(self, now: float) -> None:
+        """Begin a stop."""
+        self._until = max(self._until, now + _AT_LEAST)
+
+    def active(self, now: float, *, resting: bool) -> bool:
+        """Return True while the stop is sent; ``resting``: the machine shows that it obeyed."""
+        if now < self._until:
+            return True
+        self.pending = self.pending and not resting
+        return self.pending

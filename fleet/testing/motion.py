@@ -1,0 +1,79 @@
+"""A robot of the contract tests that is asked to move and to stop, as the host asks it."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Callable, Iterator
+
+from fleet.errors import CommandError, LinkError
+from fleet.host.robot.adapter_factory import AdapterClass
+from fleet.model.geometry import ZERO_VELOCITY, Vector3, Velocity
+from fleet.robot_config import AdapterConfig
+from fleet.testing.bench import STEP, Bench
+from fleet.testing.operator import PERIOD
+from fleet.testing.probes import in_time, near
+
+STOP_WITHIN = 5.0  # s that the host gives a stop
+STILL = 0.3  # s for which it must stand before it counts as standing: legs take a last step
+GOES_ON = 1.0  # s for which a robot that was stopped is watched
+
+
+class MotionTrial:
+    """Moves and stops a robot, and sees whether it does so; raises AssertionError when it does not.
+
+    ``velocity`` returns what the robot does now, None while that is unknown. ``settles``: s until it does
+    what it was told.
+    """
+
+    def __init__(self, bench: Bench, velocity: Callable[[], Velocity | None], settles: float) -> None:
+        self._bench = bench
+        self._velocity = velocity
+        self._settles = settles
+
+    async def stop(self) -> None:
+        """Stop the robot as the host does; what an adapter may raise then is no failure."""
+        try:
+            async with asyncio.timeout(STOP_WITHIN):
+                await self._bench.adapter.stop("stop")
+        except (CommandError, LinkError):
+            pass
+        except TimeoutError:
+            raise AssertionError(f"stop does not return within {STOP_WITHIN:g} s") from None
+
+    async def halt(self) -> None:
+        """Halt the robot from another thread, as the dead-man does while the event loop is stuck."""
+        in_time(self._bench.adapter.halt)
+
+    async def drive(self, wanted: Velocity) -> None:
+        """Ask for a velocity as a stick does until the robot has it."""
+        for _ in range(round(self._settles / PERIOD)):
+            self._bench.adapter.drive(wanted)
+            await self._bench.pass_time(PERIOD)
+            if near(self._velocity(), wanted):
+                return
+        raise AssertionError(f"asked for {wanted}, the robot does {self._velocity()}; unit, axis, sign?")
+
+    async def expect_still(self, when: str) -> None:
+        """See that the robot stands, and goes on standing though a dead-man would have ended any lease."""
+        looks = round(STILL / STEP)
+        for _ in range(round(self._settles / STEP)):
+            await self._bench.pass_time(STEP)
+            looks = looks - 1 if self._is_still() else round(STILL / STEP)
+            if looks == 0:
+                break
+        for _ in range(round(GOES_ON / STEP)):
+            await self._bench.pass_time(STEP)
+            assert self._is_still(), f"it moves {when}: {self._velocity()}"
+
+    def _is_still(self) -> bool:
+        """Return True for a robot that stands, or whose velocity is unknown."""
+        velocity = self._velocity()
+        return velocity is None or near(velocity, ZERO_VELOCITY)
+
+
+def trial_velocities(config: AdapterConfig, adapter: AdapterClass) -> Iterator[Velocity]:
+    """Yield the velocities that are tried: a third of what the limits allow, ahead and turning."""
+    limits = config.limits.over(adapter.limits)
+    yield Velocity(Vector3((limits.speed or 1.0) / 3))
+    if limits.yaw_rate:
+        yield Velocity(yaw_rate=limits.yaw_rate / 3)
