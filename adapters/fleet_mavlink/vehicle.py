@@ -7,7 +7,7 @@ import contextlib
 import logging
 import math
 from collections import deque
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from typing import Any
 
 from fleet import Address, Clock
@@ -24,6 +24,7 @@ from fleet_mavlink.redundant_links import way_of
 from fleet_mavlink.state import SILENCE, VehicleState, reduce
 from fleet_mavlink.texts import Joiner, Sentence
 from fleet_mavlink.vehicle_kind import VehicleKind
+from fleet_mavlink.vocabulary import OF_A_MOVED_VEHICLE
 
 _REMEMBERED = 64  # texts kept
 _SAME_WITHIN = 1.0  # s between an event and a text with the same content
@@ -87,6 +88,19 @@ class Vehicle:
         if beat is None or kind is None:
             return "not known yet"
         return f"a {type_name(beat.type)} on {kind.name}"
+
+    @property
+    def lacking(self) -> Mapping[str, str]:
+        """What it does not have of the vocabulary, with the reason; nothing before its first heartbeat."""
+        if self.state.heartbeat is None:
+            return {}
+        flavour = self.flavour
+        return dict.fromkeys(OF_A_MOVED_VEHICLE, self.not_moved) if flavour is None else flavour.lacking
+
+    @property
+    def not_moved(self) -> str:
+        """What is said of a vehicle that is not moved here."""
+        return f"it is {self.what}, which is not moved here: it is watched, and stopped"
 
     @property
     def connected(self) -> bool:

@@ -7,10 +7,10 @@ import enum
 import math
 from collections.abc import Awaitable, Callable
 
-from fleet import ZERO_VELOCITY, FleetError, NotReady, Refused, Vector3, Velocity
+from fleet import ZERO_VELOCITY, FleetError, NotReady, Refused, Unsupported, Vector3, Velocity
 from fleet_mavlink.authority import Authority
-from fleet_mavlink.flavour import Flavour, ned_setpoint, setpoint
-from fleet_mavlink.preconditions import require_flying
+from fleet_mavlink.flavour import Flavour, ned_setpoint
+from fleet_mavlink.preconditions import require_movable
 from fleet_mavlink.vehicle import Vehicle
 
 PERIOD = 0.05  # s between setpoints
@@ -108,7 +108,9 @@ class VelocityStream:
         linear = velocity.linear
         if not math.isfinite(linear.x + linear.y + linear.z + velocity.yaw_rate):
             raise Refused("a velocity must be made of finite numbers")
-        require_flying(self._vehicle, self._authority)
+        if (flavour := self._vehicle.flavour) is not None and (why := flavour.cannot(velocity)):
+            raise Unsupported(why)
+        require_movable(self._vehicle, self._authority)
         if self._refusal is not None and self._vehicle.now() < self._again_at:
             raise NotReady(f"the vehicle does not take velocities: {self._refusal}")
 
@@ -165,11 +167,12 @@ class VelocityStream:
         It is also sent before the mode is shown: the vehicle obeys as soon as it accepts setpoints, and the
         heartbeat that shows the mode comes up to a second later.
         """
-        state = self._vehicle.state
+        state, flavour = self._vehicle.state, self._vehicle.flavour
         knows_where = state.knows_where(self._vehicle.now())
-        if self.phase is not BRAKING and state.attitude is not None and knows_where:
+        moves = self.phase is not BRAKING and knows_where
+        if moves and flavour is not None and state.attitude is not None:
             velocity = _below(self._wanted, self._ceiling, state.relative_altitude)
-            self._vehicle.send(setpoint(velocity, state.attitude.yaw, self._vehicle.system))
+            self._vehicle.send(flavour.setpoint(velocity, state.attitude.yaw, self._vehicle.system))
         else:
             self._vehicle.send(ned_setpoint(Vector3(), 0.0, self._vehicle.system))
 

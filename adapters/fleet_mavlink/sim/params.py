@@ -62,8 +62,25 @@ def ardupilot_params(system_id: int) -> Values:
         "WPNAV_SPEED": (REAL32, 1000.0),
         "WPNAV_SPEED_DN": (REAL32, 150.0),
         "WPNAV_SPEED_UP": (REAL32, 250.0),
-        "WP_SPEED": (REAL32, 3.0),
         "WP_YAW_BEHAVIOR": (INT8, 2),
+    }
+
+
+_NOT_A_ROVERS = ("FENCE_ALT_MAX", "FS_GCS_TIMEOUT", "WPNAV_SPEED_DN", "WPNAV_SPEED_UP", "WP_YAW_BEHAVIOR")
+
+
+def rover_params(system_id: int) -> Values:
+    """Return the parameters that matter here, with ArduRover's defaults."""
+    common = {name: each for name, each in ardupilot_params(system_id).items() if name not in _NOT_A_ROVERS}
+    return common | {
+        "FENCE_TYPE": (INT8, 6),
+        "FS_ACTION": (INT8, 2),
+        "FS_GCS_TIMEOUT": (REAL32, 5.0),
+        "FS_TIMEOUT": (REAL32, 1.5),
+        "SERVO1_FUNCTION": (INT16, 26),
+        "SERVO3_FUNCTION": (INT16, 70),
+        "WP_RADIUS": (REAL32, 2.0),
+        "WP_SPEED": (REAL32, 3.0),
     }
 
 

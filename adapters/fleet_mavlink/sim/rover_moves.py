@@ -5,12 +5,13 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
-from fleet_mavlink.sim.manoeuvres import Manoeuvre
+from fleet_mavlink.sim.manoeuvres import GoTo, Manoeuvre
 from fleet_mavlink.sim.physics import Aim
 from fleet_mavlink.sim.speaker import WARNING
 
 if TYPE_CHECKING:
     from fleet_mavlink.sim.autopilot import Autopilot
+    from fleet_mavlink.sim.rover import SimArduRover
 
 HELD, BRAKED, TIMED_OUT, DISARMED = 2.05, 1.4, 1.05, 1.6  # s over which the speed dies away
 _OVERSHOOT = 1.15  # of the speed that is asked for
@@ -31,7 +32,10 @@ class Coast(Manoeuvre):
 
 
 class Roll(Coast):
-    """Drive at a speed, to a heading or at a rate of turn, until the setpoint is too old."""
+    """Drive at a speed, to a heading or at a rate of turn, until the setpoint is too old.
+
+    A negative speed is in reverse.
+    """
 
     def __init__(self, speed: float, heading: float | None, rate: float, until: float) -> None:
         super().__init__(TIMED_OUT)
@@ -48,6 +52,31 @@ class Roll(Coast):
                 self._told = True
                 pilot.say(WARNING, "target not received last 3secs, stopping")
             return super().aim(pilot)
-        heading = pilot.body.heading if self._heading is None else self._heading
+        body = pilot.body
+        body.backwards = self._speed < 0.0  # type: ignore[attr-defined]
+        heading = body.heading if self._heading is None else self._heading
         speed = self._speed * _OVERSHOOT
         return Aim(speed * math.cos(heading), speed * math.sin(heading), 0.0, self._heading, self._rate)
+
+
+class RollTo(GoTo):
+    """Drive to a place, in reverse where DO_SET_REVERSE said so; within WP_RADIUS of it, brake and stay."""
+
+    def __init__(self, north: float, east: float) -> None:
+        super().__init__(north, east, 0.0)
+
+    def aim(self, pilot: Autopilot) -> Aim:
+        """Return the drive toward the place."""
+        body: WheeledBody = pilot.body  # type: ignore[assignment]
+        body.backwards = _reversed(pilot)
+        body.easing = BRAKED
+        if math.hypot(self.north - body.north, self.east - body.east) <= pilot.params["WP_RADIUS"]:
+            self.done = True
+        if self.done:
+            return Aim()
+        self.speed = pilot.speeds.cruise
+        return super().aim(pilot)
+
+
+def _reversed(pilot: Autopilot) -> bool:
+    return bool(getattr(pilot, "reversed", False))

@@ -31,6 +31,7 @@ class Heard:
             publish=self.all.append,
             healthy=self.all.append,
             lost_authority=self.all.append,
+            lacking={},
             failed=self.all.append,
             supervised=supervised or SupervisorClient(),
         )
