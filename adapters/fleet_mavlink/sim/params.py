@@ -66,16 +66,11 @@ def ardupilot_params(system_id: int) -> Values:
     }
 
 
-_NOT_A_ROVERS = ("FENCE_ALT_MAX", "FS_GCS_TIMEOUT", "WPNAV_SPEED_DN", "WPNAV_SPEED_UP", "WP_YAW_BEHAVIOR")
-
-
 def rover_params(system_id: int) -> Values:
     """Return the parameters that matter here, with ArduRover's defaults."""
-    common = {name: each for name, each in ardupilot_params(system_id).items() if name not in _NOT_A_ROVERS}
-    return common | {
+    return ardupilot_params(system_id) | {
         "FENCE_TYPE": (INT8, 6),
         "FS_ACTION": (INT8, 2),
-        "FS_GCS_TIMEOUT": (REAL32, 5.0),
         "FS_TIMEOUT": (REAL32, 1.5),
         "SERVO1_FUNCTION": (INT16, 26),
         "SERVO3_FUNCTION": (INT16, 70),

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, cast
 
 from fleet_mavlink.sim.manoeuvres import GoTo, Manoeuvre
 from fleet_mavlink.sim.physics import Aim
@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from fleet_mavlink.sim.rover import SimArduRover
 
 HELD, BRAKED, TIMED_OUT, DISARMED = 2.05, 1.4, 1.05, 1.6  # s over which the speed dies away
+_THERE = 0.35  # m
 _OVERSHOOT = 1.15  # of the speed that is asked for
 
 
@@ -60,23 +61,15 @@ class Roll(Coast):
 
 
 class RollTo(GoTo):
-    """Drive to a place, in reverse where DO_SET_REVERSE said so; within WP_RADIUS of it, brake and stay."""
+    """Drive to a place, in reverse where DO_SET_REVERSE said so, and stand there."""
 
     def __init__(self, north: float, east: float) -> None:
         super().__init__(north, east, 0.0)
 
     def aim(self, pilot: Autopilot) -> Aim:
-        """Return the drive toward the place."""
-        body: WheeledBody = pilot.body  # type: ignore[assignment]
-        body.backwards = _reversed(pilot)
-        body.easing = BRAKED
-        if math.hypot(self.north - body.north, self.east - body.east) <= pilot.params["WP_RADIUS"]:
-            self.done = True
-        if self.done:
-            return Aim()
-        self.speed = pilot.speeds.cruise
-        return super().aim(pilot)
-
-
-def _reversed(pilot: Autopilot) -> bool:
-    return bool(getattr(pilot, "reversed", False))
+        """Return the drive toward the place; it comes within 0.4 m of it."""
+        rover = cast("SimArduRover", pilot)
+        body = rover.body
+        body.backwards, body.easing = rover.reversed, 0.0
+        self.done = self.done or math.hypot(self.north - body.north, self.east - body.east) < _THERE
+        return Aim() if self.done else super().aim(pilot)

@@ -27,7 +27,7 @@ from fleet.model.navigation import Constraints
 from fleet_mavlink.ardupilot_rover import ArduRover
 
 HOME = GeoOrigin(47.397742, 8.545594, 488.0)
-NEAR = 2.5  # m, as it says of itself
+NEAR = 1.5  # m, as it says of itself
 BACK = Velocity(Vector3(-1.0, 0.0, 0.0))
 
 
