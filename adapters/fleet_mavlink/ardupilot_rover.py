@@ -40,6 +40,7 @@ class ArduRover(ArduPilotFlavour):
     hold: ClassVar[str] = "HOLD"
     land: ClassVar[str] = ""  # it has none
     surface: ClassVar[bool] = True
+    rest: ClassVar[float] = 4.0  # zero velocity brakes it, HOLD lets it coast
     tolerance: ClassVar[float] = 1.5  # seen to stand within 0.7 m of a place, after a sharp turn
     lacking: ClassVar[Mapping[str, str]] = SURFACE
 

@@ -55,6 +55,7 @@ class Flavour(VehicleKind):
     compass_start: ClassVar[CommandLong]
     compass_stop: ClassVar[CommandLong]
     surface: ClassVar[bool] = False  # moves on ground or water: has no height, stands when it is not moved
+    rest: ClassVar[float] = 1.0  # s of zero velocity after which it is switched to its own hold
     tolerance: ClassVar[float] = 0.5  # m from a goal that counts as reached
     lacking: ClassVar[Mapping[str, str]] = {}  # of the vocabulary, with the reason
 

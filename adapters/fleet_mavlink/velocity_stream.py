@@ -9,12 +9,12 @@ from collections.abc import Awaitable, Callable
 
 from fleet import ZERO_VELOCITY, FleetError, NotReady, Refused, Unsupported, Vector3, Velocity
 from fleet_mavlink.authority import Authority
+from fleet_mavlink.commander import Superseded
 from fleet_mavlink.flavour import Flavour, ned_setpoint
 from fleet_mavlink.preconditions import require_movable
 from fleet_mavlink.vehicle import Vehicle
 
 PERIOD = 0.05  # s between setpoints
-_REST = 1.0  # s of zero velocity after which the vehicle is switched to its own hold
 _AGAIN = 1.0  # s until a refused mode is requested again
 
 
@@ -194,7 +194,7 @@ class VelocityStream:
         """Brake after a rest; be silent when another command has changed the mode."""
         if mode != flavour.external:
             self._to(IDLE)
-        elif self._wanted.is_zero and self._vehicle.now() - self._since >= _REST:
+        elif self._wanted.is_zero and self._vehicle.now() - self._since >= flavour.rest:
             self._to(BRAKING)
 
     def _braking(self, flavour: Flavour, mode: str) -> None:
@@ -214,6 +214,8 @@ class VelocityStream:
         try:
             await what()
             self._refusal = None
+        except Superseded as error:
+            self._vehicle.log.debug("%s", error)  # nothing that the vehicle refused
         except FleetError as error:
             self._vehicle.log.warning("%s", error)
             self._refusal = error

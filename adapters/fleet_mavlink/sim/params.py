@@ -75,7 +75,7 @@ def rover_params(system_id: int) -> Values:
         "SERVO1_FUNCTION": (INT16, 26),
         "SERVO3_FUNCTION": (INT16, 70),
         "WP_RADIUS": (REAL32, 2.0),
-        "WP_SPEED": (REAL32, 3.0),
+        "WP_SPEED": (REAL32, 5.0),
     }
 
 
