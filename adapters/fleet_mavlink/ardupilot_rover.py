@@ -53,10 +53,13 @@ class ArduRover(ArduPilotFlavour):
         """Raise Refused: it does not take off."""
         raise Refused(self.lacking["takeoff"])
 
-    def cannot(self, velocity: Velocity) -> str:
+    def cannot(self, velocity: Velocity, *, turns_in_place: bool | None) -> str:
         """Refuse what is not along its nose: ArduRover would turn its nose there and drive on."""
         if abs(velocity.linear.y) > _STILL:
             return self.lacking["strafe_left"]
+        stands = abs(velocity.linear.x) <= _STILL and abs(velocity.yaw_rate) > _STILL
+        if stands and turns_in_place is False:
+            return "it is steered by its wheels or its rudder: it turns only while it drives"
         return self.lacking["ascend"] if abs(velocity.linear.z) > _STILL else ""
 
     def setpoint(

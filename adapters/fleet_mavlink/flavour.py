@@ -69,7 +69,12 @@ class Flavour(VehicleKind):
         """The name of its table of fail-safe parameters."""
         return self.name
 
-    def cannot(self, velocity: Velocity) -> str:  # noqa: ARG002 - a multirotor moves in any direction
+    def cannot(
+        self,
+        velocity: Velocity,  # noqa: ARG002 - a multirotor moves in any direction
+        *,
+        turns_in_place: bool | None,  # noqa: ARG002
+    ) -> str:
         """Return why it cannot move like this, empty when it can."""
         return ""
 

@@ -121,16 +121,11 @@ class Flight:
             return
         if state.in_air:
             raise Refused("it is in the air and would fall", hint="send land")
-        if state.on_the_surface:
-            self._require_standing()
-        elif force and state.in_air is None:
+        if state.on_the_surface and not is_standing(state):
+            raise Refused("it moves, and would coast", hint="send stop first")
+        if not state.on_the_surface and force and state.in_air is None:
             raise Refused("it is not known to be on the ground", hint="disarm without force, or land")
         await self._arming(arm=False, force=force)
-
-    def _require_standing(self) -> None:
-        """Raise Refused for a vehicle on the surface that moves: disarmed, it would coast."""
-        if not is_standing(self.vehicle.state):
-            raise Refused("it moves, and would coast", hint="send stop first")
 
     async def _arming(self, *, arm: bool, force: bool) -> None:
         """Send the command, and wait until the heartbeat shows its effect."""

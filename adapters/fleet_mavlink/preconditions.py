@@ -7,6 +7,7 @@ import math
 from fleet import GeoPoint, NotReady, Unsupported
 from fleet_mavlink.authority import Authority
 from fleet_mavlink.vehicle import Vehicle
+from fleet_mavlink.vehicle import not_moved as not_moved_words
 
 
 def require_heartbeat(vehicle: Vehicle) -> None:
@@ -57,7 +58,8 @@ def require_movable(vehicle: Vehicle, authority: Authority) -> None:
 
 def not_moved(vehicle: Vehicle) -> Unsupported:
     """Return the error for a vehicle that can be monitored and stopped here, but not moved."""
-    return Unsupported(vehicle.not_moved)
+    beat = vehicle.state.heartbeat
+    return Unsupported("it is not known yet what it is" if beat is None else not_moved_words(beat))
 
 
 def require_has(vehicle: Vehicle, name: str) -> None:

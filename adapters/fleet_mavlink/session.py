@@ -44,6 +44,7 @@ from fleet_mavlink.plans import Plans
 from fleet_mavlink.preconditions import require_connection, require_heartbeat
 from fleet_mavlink.reporter import Reporter
 from fleet_mavlink.state import SILENCE, VehicleState
+from fleet_mavlink.steering import Steering
 from fleet_mavlink.streams import Streams
 from fleet_mavlink.takeoff import TakeOff
 from fleet_mavlink.texts import Sentence
@@ -141,6 +142,7 @@ class VehicleSession:
         self._robot.every(_LOOK, self._look)
         self._reporter.begin()
         keepers = [self.streams.keep(), self.failsafes.keep(), EventKeeper(self.vehicle).keep()]
+        keepers.append(Steering(self.vehicle, self.parameters).keep())
         if self.fence:
             keepers.append(self.fence.keep())
         work = [asyncio.ensure_future(each) for each in (*losses, *keepers)]

@@ -108,11 +108,17 @@ class VelocityStream:
         linear = velocity.linear
         if not math.isfinite(linear.x + linear.y + linear.z + velocity.yaw_rate):
             raise Refused("a velocity must be made of finite numbers")
-        if (flavour := self._vehicle.flavour) is not None and (why := flavour.cannot(velocity)):
-            raise Unsupported(why)
+        self._require_possible(velocity)
         require_movable(self._vehicle, self._authority)
         if self._refusal is not None and self._vehicle.now() < self._again_at:
             raise NotReady(f"the vehicle does not take velocities: {self._refusal}")
+
+    def _require_possible(self, velocity: Velocity) -> None:
+        """Raise Unsupported for a motion that this vehicle does not have."""
+        vehicle, flavour = self._vehicle, self._vehicle.flavour
+        why = flavour.cannot(velocity, turns_in_place=vehicle.turns_in_place) if flavour else ""
+        if why:
+            raise Unsupported(why)
 
     def brake(self) -> None:
         """Stream zeros until the vehicle holds by itself; the caller requests the hold."""

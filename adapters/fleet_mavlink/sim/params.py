@@ -73,7 +73,9 @@ def rover_params(system_id: int) -> Values:
         "FS_ACTION": (INT8, 2),
         "FS_TIMEOUT": (REAL32, 1.5),
         "SERVO1_FUNCTION": (INT16, 26),
+        "SERVO2_FUNCTION": (INT16, 0),
         "SERVO3_FUNCTION": (INT16, 70),
+        "SERVO4_FUNCTION": (INT16, 0),
         "WP_RADIUS": (REAL32, 2.0),
         "WP_SPEED": (REAL32, 5.0),
     }

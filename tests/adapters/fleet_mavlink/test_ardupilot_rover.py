@@ -25,6 +25,7 @@ from fleet.model.geodesy import geo_from_world
 from fleet.model.health import Level
 from fleet.model.navigation import Constraints
 from fleet_mavlink.ardupilot_rover import ArduRover
+from fleet_mavlink.steering import turns_in_place
 
 HOME = GeoOrigin(47.397742, 8.545594, 488.0)
 NEAR = 1.5  # m, as it says of itself
@@ -385,3 +386,38 @@ def test_it_is_ready_when_arming_would_work(fly, sky):
                 await it.do("reboot")
 
     fly(main())
+
+
+TURN = Velocity(Vector3(), 0.5)
+
+
+def test_one_on_steered_wheels_does_not_turn_where_it_stands_and_says_so(fly, sky):
+    async def drive(it):
+        await it.until(lambda: it.adapter._session.vehicle.turns_in_place is False, within=30.0)
+        with pytest.raises(Unsupported, match="turns only while it drives"):
+            it.adapter.drive(TURN)
+        assert it.setpoints == []
+
+    driven(fly, sky, drive)
+
+
+def test_one_that_is_steered_by_its_drives_turns_where_it_stands(fly, sky):
+    async def drive(it):
+        it.sim.body.skid = True
+        await it.do("set_parameter", name="SERVO1_FUNCTION", value=73, force=True)
+        it.sim.set_fault("reboot", 1.0)
+        await it.until(lambda: it.adapter._session.vehicle.turns_in_place is True, within=60.0)
+        await it.until(lambda: it.state.home_altitude is not None and it.state.prearm_ok, within=60.0)
+        await it.do("arm")
+        before = it.sim.body.heading
+        await it.drive(TURN, 3.0)
+        assert math.remainder(it.sim.body.heading - before, math.tau) < -1.0
+
+    driven(fly, sky, drive)
+
+
+@pytest.mark.parametrize(
+    ("functions", "turns"), [((26, 0, 70, 0), False), ((73, 0, 74, 0), True), ((0, 0, 0, 0), None)]
+)
+def test_its_outputs_tell_how_it_is_steered(functions, turns):
+    assert turns_in_place(functions) is turns
