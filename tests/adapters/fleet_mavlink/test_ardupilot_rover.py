@@ -3,6 +3,7 @@
 import asyncio
 import math
 
+import msgspec
 import pytest
 
 from fleet import (
@@ -291,6 +292,22 @@ def test_it_drives_a_mission_from_its_own_memory_and_arms_for_it(fly, sky):
             assert it.armed
 
     fly(main())
+
+
+def test_a_paused_mission_goes_on_with_the_item_that_it_was_at(fly, sky):
+    async def drive(it):
+        going = asyncio.ensure_future(exhausted(it.adapter.navigate(SURVEY)))
+        await it.until(lambda: it.sim.pilot.missions.current >= 3 and it.speed > 1.0)
+        going.cancel()
+        await asyncio.gather(going, return_exceptions=True)
+        await it.adapter.stop("pause")
+        assert it.mode == "HOLD"
+        reached = it.sim.pilot.missions.current
+        await exhausted(it.adapter.navigate(msgspec.structs.replace(SURVEY, resumed=True)))
+        assert it.sim.pilot.missions.current >= reached
+        assert math.dist((it.place[1], it.place[0]), (10, 0)) <= NEAR
+
+    driven(fly, sky, drive)
 
 
 def test_a_mission_that_ends_at_home_ends_there_armed(fly, sky):
