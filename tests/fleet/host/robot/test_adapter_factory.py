@@ -17,7 +17,6 @@ from fleet_mavlink.adapter import MavlinkAdapter
 from fleet_quadruped.adapter import QuadrupedAdapter
 from fleet_ugv.adapter import UgvAdapter
 
-
 TWIN = "6f0c9a1e-0000-4000-8000-000000000001"
 
 
