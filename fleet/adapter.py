@@ -82,6 +82,14 @@ class Robot(Protocol):
     def authority_lost(self, reason: str) -> None:
         """Somebody else took the robot (a pilot, another station): end all motion of ours."""
 
+    def lacks(self, reasons: Mapping[str, str]) -> None:
+        """Say what of the declared vocabulary this robot does not have, by name, with the reason.
+
+        For an adapter of several kinds of robots. Names are those of commands, of verbs (``strafe_left``:
+        such velocities are refused too), ``goto`` for goals and ``plan`` for missions. They are refused and
+        no longer described. The last call counts; call it again when the robot changes.
+        """
+
     def leave_halt(self, link: Link, frames: Iterable[bytes], address: Address = None) -> None:
         """Leave the frames that halt the robot with the supervisor: it writes them when this process dies.
 

@@ -30,7 +30,7 @@ from fleet_mavlink.constants import Landed
 from fleet_mavlink.link_hub import LinkHub, open_hub
 from fleet_mavlink.maintenance import UpkeepCommands
 from fleet_mavlink.payload import PayloadCommands
-from fleet_mavlink.preconditions import home_unknown, not_in_the_air, require_connection
+from fleet_mavlink.preconditions import home_unknown, not_in_the_air, require_connection, require_has
 from fleet_mavlink.session import GENTLE, VehicleSession
 from fleet_mavlink.signing import Signer, key_of
 from fleet_mavlink.sim.spec import SimSpec
@@ -54,7 +54,11 @@ def _simulation(config: MavlinkConfig, start: SimulationStart) -> Simulation:
 
 
 class MavlinkAdapter(PayloadCommands, UpkeepCommands):
-    """A multirotor on ArduPilot or PX4; which of them it is makes no difference to who commands it."""
+    """A multirotor on ArduPilot or PX4, or a rover or boat on ArduPilot.
+
+    Which of them it is decides what it takes of the vocabulary (``vocabulary``), and nothing else for who
+    commands it. Other vehicles are watched and stopped.
+    """
 
     Config = MavlinkConfig
     holonomic: ClassVar[bool] = True
@@ -143,7 +147,7 @@ class MavlinkAdapter(PayloadCommands, UpkeepCommands):
         async for progress in steps:
             yield progress
 
-    # -- flying --------------------------------------------------------------------------------------
+    # -- flying and driving --------------------------------------------------------------------------
 
     @command("takeoff", timeout=90.0)
     async def takeoff(self, *, altitude: _Height | None = None) -> AsyncIterator[Progress]:
@@ -151,6 +155,7 @@ class MavlinkAdapter(PayloadCommands, UpkeepCommands):
         session = self._session
         flight, state = session.flight, session.vehicle.state
         require_connection(session.vehicle)
+        require_has(session.vehicle, "takeoff")
         wanted = min(self.config.takeoff_altitude, flight.ceiling) if altitude is None else altitude
         if not _LOWEST_TAKEOFF <= wanted <= flight.ceiling:
             raise Refused(f"{wanted:g} m is not {_LOWEST_TAKEOFF:g} to {flight.ceiling:g} m above home")
@@ -167,14 +172,19 @@ class MavlinkAdapter(PayloadCommands, UpkeepCommands):
     async def land(self) -> AsyncIterator[Progress]:
         """Land here and switch the motors off."""
         session = self._session
+        require_has(session.vehicle, "land")
         async for progress in session.flight.come_down(session.flight.flavour.land):
             yield progress
 
     @command("return_to_home", timeout=600.0, safe=True)
     async def return_to_home(self) -> AsyncIterator[Progress]:
-        """Fly home, as the autopilot is set up to, and land."""
+        """Fly home, as the autopilot is set up to, and land; or drive home, and stand there."""
         session = self._session
-        async for progress in session.flight.come_down(session.flight.flavour.return_home):
+        flavour = session.flight.flavour
+        comes = (
+            session.navigator.go_home() if flavour.surface else session.flight.come_down(flavour.return_home)
+        )
+        async for progress in comes:
             yield progress
 
     @command("cancel_takeoff", "cancel_landing", "cancel_return_to_home", safe=True)
@@ -198,12 +208,12 @@ class MavlinkAdapter(PayloadCommands, UpkeepCommands):
 
     @command("arm", interrupts=False)
     async def arm(self, *, force: bool = False) -> None:
-        """Start the motors, in a mode that can be taken off from."""
+        """Start the motors, in a mode that can be moved in."""
         await self._session.flight.arm(force=force)
 
     @command("disarm")
     async def disarm(self, *, force: bool = False) -> None:
-        """Stop the motors; refused in the air, whatever ``force`` says."""
+        """Stop the motors; refused in the air and while it drives, whatever ``force`` says."""
         await self._session.flight.disarm(force=force)
 
     @command("kill", moves=False, safe=True)  # so that nothing is waited for before it
@@ -254,6 +264,7 @@ class MavlinkAdapter(PayloadCommands, UpkeepCommands):
     async def _climb_by(self, metres: float) -> AsyncIterator[Progress]:
         """Change the height by ``metres``."""
         session = self._session
+        require_has(session.vehicle, "ascend")
         height = session.vehicle.state.relative_altitude
         if height is None or not session.vehicle.state.in_air:
             raise not_in_the_air()

@@ -41,35 +41,6 @@ class ArduPilotKind(VehicleKind):
         return None if state.prearm_ok is None or usable is None else state.prearm_ok and usable
 
 
-class ArduRover(ArduPilotKind):
-    """A rover: HOLD takes the drive away and needs no position; it coasts."""
-
-    modes: ClassVar[Mapping[int, str]] = {
-        0: "MANUAL",
-        1: "ACRO",
-        3: "STEERING",
-        4: "HOLD",
-        5: "LOITER",
-        6: "FOLLOW",
-        7: "SIMPLE",
-        8: "DOCK",
-        9: "CIRCLE",
-        10: "AUTO",
-        11: "RTL",
-        12: "SMART_RTL",
-        15: "GUIDED",
-        16: "INITIALISING",
-    }
-    braking: ClassVar[tuple[str, ...]] = ("HOLD",)
-    may_be_disarmed: ClassVar[bool] = True
-
-
-class ArduBoat(ArduRover):
-    """A boat: in HOLD it would drift, so it keeps its place where it knows it."""
-
-    braking: ClassVar[tuple[str, ...]] = ("LOITER", "HOLD")
-
-
 class ArduPlane(ArduPilotKind):
     """A plane circles. One that hovers keeps its place: LOITER would make it fly forward."""
 

@@ -50,7 +50,7 @@ _TIMED = frozenset({"takeoff", "land", "return_to_home"})
 
 
 class MavlinkConfig(AdapterConfig):
-    """A multirotor on ArduPilot or PX4."""
+    """A multirotor on ArduPilot or PX4, a rover or boat on ArduPilot; others are watched and stopped."""
 
     adapter: Literal["mavlink"]
     link: Annotated[str, AfterValidator(_checked_link)] = Field(

@@ -34,6 +34,7 @@ class Cmd(enum.IntEnum):
     DO_LAND_START = 189
     DO_REPOSITION = 192
     DO_PAUSE_CONTINUE = 193
+    DO_SET_REVERSE = 194
     DO_SET_MISSION_CURRENT = 224
     PREFLIGHT_CALIBRATION = 241
     PREFLIGHT_REBOOT_SHUTDOWN = 246
@@ -74,6 +75,7 @@ class Frame(enum.IntEnum):
     MISSION = 2
     GLOBAL_INT = 5
     GLOBAL_RELATIVE_ALT_INT = 6
+    BODY_NED = 8
 
 
 class Landed(enum.IntEnum):

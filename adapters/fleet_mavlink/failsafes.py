@@ -36,25 +36,43 @@ class ParameterRule(msgspec.Struct, frozen=True):
     danger: str
 
 
-_ON_LINK_LOSS: Mapping[str, Mapping[str, ParameterRule]] = {
+_ROVER_ACTS = ParameterRule(("FS_GCS_ENABLE",), frozenset({1}), 1, "it drives on when the edge is lost")
+_ON_LINK_LOSS: Mapping[str, Mapping[str, tuple[ParameterRule, ...]]] = {
     "ardupilot": {
-        "return_to_home": ParameterRule(
-            ("FS_GCS_ENABLE",), frozenset({1, 3, 4, 5}), 1, "it flies on when the edge is lost"
+        "return_to_home": (
+            ParameterRule(
+                ("FS_GCS_ENABLE",), frozenset({1, 3, 4, 5}), 1, "it flies on when the edge is lost"
+            ),
         ),
-        "land": ParameterRule(
-            ("FS_GCS_ENABLE",), frozenset({5}), 5, "it does not land when the edge is lost"
+        "land": (
+            ParameterRule(("FS_GCS_ENABLE",), frozenset({5}), 5, "it does not land when the edge is lost"),
+        ),
+    },
+    "ardurover": {
+        "return_to_home": (
+            _ROVER_ACTS,
+            ParameterRule(("FS_ACTION",), frozenset({1, 3}), 1, "it does not return when the edge is lost"),
+        ),
+        "land": (
+            _ROVER_ACTS,
+            ParameterRule(("FS_ACTION",), frozenset({2}), 2, "it does not stop when the edge is lost"),
         ),
     },
     "px4": {
-        "return_to_home": ParameterRule(
-            ("NAV_DLL_ACT",), frozenset({2, 3}), 2, "it flies on when the edge is lost"
+        "return_to_home": (
+            ParameterRule(("NAV_DLL_ACT",), frozenset({2, 3}), 2, "it flies on when the edge is lost"),
         ),
-        "land": ParameterRule(("NAV_DLL_ACT",), frozenset({3}), 3, "it does not land when the edge is lost"),
+        "land": (
+            ParameterRule(("NAV_DLL_ACT",), frozenset({3}), 3, "it does not land when the edge is lost"),
+        ),
     },
 }
 _ON_RADIO_LOSS: Mapping[str, ParameterRule] = {
     "ardupilot": ParameterRule(
         ("FS_THR_ENABLE",), frozenset(range(1, 8)), 1, "it flies on when the remote control is lost"
+    ),
+    "ardurover": ParameterRule(
+        ("FS_THR_ENABLE",), frozenset({1, 2}), 1, "it drives on when the remote control is lost"
     ),
     "px4": ParameterRule(
         ("NAV_RCL_ACT",), frozenset({1, 2, 3}), 2, "it flies on when the remote control is lost"
@@ -65,6 +83,10 @@ _ALWAYS: Mapping[str, tuple[ParameterRule, ...]] = {
         ParameterRule(("BATT_FS_LOW_ACT",), frozenset(range(1, 8)), 2, "it flies on with an empty battery"),
         ParameterRule(("FS_EKF_ACTION",), frozenset({1, 2, 3}), 1, "it flies on without a position"),
     ),
+    "ardurover": (
+        ParameterRule(("BATT_FS_LOW_ACT",), frozenset(range(1, 6)), 2, "it drives on with an empty battery"),
+        ParameterRule(("FS_EKF_ACTION",), frozenset({1}), 1, "it drives on without a position"),
+    ),
     "px4": (
         ParameterRule(("COM_LOW_BAT_ACT",), frozenset({2, 3}), 3, "it flies on with an empty battery"),
         ParameterRule(
@@ -74,25 +96,25 @@ _ALWAYS: Mapping[str, tuple[ParameterRule, ...]] = {
 }
 
 
-def rules_for(
-    flavour: str, link_loss: LinkLoss, station: int, *, receiver: bool
-) -> tuple[ParameterRule, ...]:
-    """Return the rules; ``station`` is our own system id, the only one whose loss ArduPilot then detects.
+def rules_for(table: str, link_loss: LinkLoss, station: int, *, receiver: bool) -> tuple[ParameterRule, ...]:
+    """Return the rules of a table; ``station`` is our own system id: ArduPilot then detects its loss alone.
 
     Without a ``receiver`` for a remote control there is no rule about its loss, because with that rule
     ArduPilot could not be armed.
     """
-    rules = _ALWAYS[flavour] + ((_ON_RADIO_LOSS[flavour],) if receiver else ())
-    lost = _ON_LINK_LOSS[flavour].get(link_loss)
+    rules = _ALWAYS[table] + ((_ON_RADIO_LOSS[table],) if receiver else ())
+    lost = _ON_LINK_LOSS[table].get(link_loss)
     if lost is None:
         return rules
+    if table == "px4":
+        return (*lost, *rules)
     watched = ParameterRule(
         ("SYSID_MYGCS", "MAV_GCS_SYSID"),
         frozenset({station}),
         station,
         f"it watches another station than this edge ({station})",
     )
-    return (lost, watched, *rules) if flavour == "ardupilot" else (lost, *rules)
+    return (*lost, watched, *rules)
 
 
 class Failsafes:
@@ -184,7 +206,7 @@ class Failsafes:
         if flavour is None:
             raise NotReady("it is not known yet which autopilot this is")
         receiver = self._vehicle.state.remote_control is not None
-        return rules_for(flavour.name, self._link_loss, self._station, receiver=receiver)
+        return rules_for(flavour.failsafe_table, self._link_loss, self._station, receiver=receiver)
 
     async def _trouble(self, rule: ParameterRule) -> str:
         """Return what is wrong with one parameter, empty when nothing is."""

@@ -118,7 +118,8 @@ class FenceKeeper:
             await self._plans.upload(PlanType.FENCE, items)
             if not is_same(items, await self._plans.download(PlanType.FENCE)):
                 raise Refused("it keeps another one than was sent")
-        for name, value in parameters_of(flavour.name, self._fence, self._limits).items():
+        limits = self._limits.model_copy(update={"altitude": None}) if flavour.surface else self._limits
+        for name, value in parameters_of(flavour.name, self._fence, limits).items():
             (kept,) = await self._parameters.read([name])
             if not same(kept.value, value):
                 await self._landed()

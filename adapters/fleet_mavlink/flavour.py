@@ -32,7 +32,7 @@ class CalibrationStep(msgspec.Struct, frozen=True):
 
 
 class Flavour(VehicleKind):
-    """One autopilot firmware, for a vehicle that is flown here."""
+    """One autopilot firmware, for a type of vehicle that is moved here."""
 
     external: ClassVar[str]  # obeys the setpoints that we stream
     hold: ClassVar[str]  # brakes and stays, with no pilot at the sticks
@@ -54,11 +54,37 @@ class Flavour(VehicleKind):
     follows: ClassVar[Mapping[str, frozenset[str]]]  # mode -> modes it goes to by itself
     compass_start: ClassVar[CommandLong]
     compass_stop: ClassVar[CommandLong]
+    surface: ClassVar[bool] = False  # moves on ground or water: has no height, stands when it is not moved
+    rest: ClassVar[float] = 1.0  # s of zero velocity after which it is switched to its own hold
+    tolerance: ClassVar[float] = 0.5  # m from a goal that counts as reached
+    lacking: ClassVar[Mapping[str, str]] = {}  # of the vocabulary, with the reason
 
     @property
     def ours(self) -> frozenset[str]:
         """The modes in which nobody but us moves the vehicle."""
         return frozenset({self.external, self.hold, self.goto, self.arming, self.takeoff})
+
+    @property
+    def failsafe_table(self) -> str:
+        """The name of its table of fail-safe parameters."""
+        return self.name
+
+    def cannot(
+        self,
+        velocity: Velocity,  # noqa: ARG002 - a multirotor moves in any direction
+        *,
+        turns_in_place: bool | None,  # noqa: ARG002
+    ) -> str:
+        """Return why it cannot move like this, empty when it can."""
+        return ""
+
+    def setpoint(self, velocity: Velocity, heading: float, system: int) -> SetPositionTargetLocalNed:
+        """Return the setpoint for a body velocity; ``heading`` is radians clockwise from north."""
+        return setpoint(velocity, heading, system)
+
+    def before_go(self, *, backwards: bool) -> CommandLong | None:  # noqa: ARG002 - it keeps its nose anyway
+        """Return the command that must precede a go command, None when none must."""
+        return None
 
     @abstractmethod
     def mode_command(self, mode: str) -> CommandLong:

@@ -1,11 +1,12 @@
-"""Selects the flavour (autopilot) and the kind of a vehicle from its heartbeat."""
+"""Selects the flavour (what moves it) and the kind of a vehicle from its heartbeat."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 
 from fleet_mavlink.ardupilot import ArduCopter
-from fleet_mavlink.ardupilot_kinds import ArduBlimp, ArduBoat, ArduPlane, ArduRover, ArduSub, ArduTracker
+from fleet_mavlink.ardupilot_kinds import ArduBlimp, ArduPlane, ArduSub, ArduTracker
+from fleet_mavlink.ardupilot_rover import ArduBoat, ArduRover
 from fleet_mavlink.constants import ARDUPILOT, MULTIROTORS, PX4, VTOLS
 from fleet_mavlink.flavour import Flavour
 from fleet_mavlink.messages import Heartbeat
@@ -38,6 +39,6 @@ def kind_of(heartbeat: Heartbeat) -> VehicleKind:
 
 
 def flavour_of(heartbeat: Heartbeat) -> Flavour | None:
-    """Return the flavour of a multirotor on ArduPilot or PX4, None for a vehicle that is not flown here."""
+    """Return the flavour of a vehicle that is moved here, None for another."""
     kind = kind_of(heartbeat)
     return kind if isinstance(kind, Flavour) else None

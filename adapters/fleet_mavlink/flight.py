@@ -121,7 +121,9 @@ class Flight:
             return
         if state.in_air:
             raise Refused("it is in the air and would fall", hint="send land")
-        if force and state.in_air is None:
+        if state.on_the_surface and not is_standing(state):
+            raise Refused("it moves, and would coast", hint="send stop first")
+        if not state.on_the_surface and force and state.in_air is None:
             raise Refused("it is not known to be on the ground", hint="disarm without force, or land")
         await self._arming(arm=False, force=force)
 
@@ -158,7 +160,7 @@ class Flight:
             yield Progress(percent, f"at {height:.1f} m")
         yield Progress(100.0, "on the ground")
 
-    async def go(self, to: GeoPoint, speed: float, heading: float) -> None:
+    async def go(self, to: GeoPoint, speed: float, heading: float, *, backwards: bool = False) -> None:
         """Start towards a place with the nose at ``heading``; returns once the autopilot has accepted it.
 
         Raises Refused above the ceiling.
@@ -166,6 +168,11 @@ class Flight:
         self.require_altitude(to.altitude)
         flavour = self.flavour
         self.give_way(flavour, flavour.goto)
+        before = flavour.before_go(backwards=backwards)
+        if before is not None:
+            if self.mode(self.vehicle.state) != flavour.goto:
+                await self.enter(flavour.goto)  # which forgets what came before
+            await self.commander.ask(before)
         go = flavour.go_command(to, await self.home_altitude(), speed, heading)
         if isinstance(go, SetPositionTargetGlobalInt):
             if self.mode(self.vehicle.state) != flavour.goto:
@@ -178,7 +185,12 @@ class Flight:
             await self.commander.ask(following)
 
     def require_altitude(self, altitude: float) -> None:
-        """Raise unless an altitude (m AMSL) is between the lowest and the ceiling above home."""
+        """Raise unless an altitude (m AMSL) is between the lowest and the ceiling above home.
+
+        What moves on the surface has none.
+        """
+        if self.vehicle.state.on_the_surface:
+            return
         home = self.vehicle.state.home_altitude
         if home is None:
             raise home_unknown()

@@ -138,13 +138,17 @@ class MissionPilot:
         plan = plan_of(mission, flavour, home, self._limits.speed or math.inf)
         for item in mission.items:
             self._require_reachable(item, mission, home)
-        if self._vehicle.state.in_air and not mission.resumed:
+        surface = flavour.surface
+        moves = self._vehicle.state.armed if surface else self._vehicle.state.in_air
+        if moves and not mission.resumed:
             # Hold first: the old target is obsolete, and a mission must not be replaced while it is flown.
             self._flight.give_way(flavour, flavour.hold)
             await self._flight.hold()
         await self._load(plan, flavour, resumed=mission.resumed)
         yield Progress(0.0, "the autopilot has it")
-        if not self._vehicle.state.in_air:
+        if surface:
+            await self._flight.arm()
+        elif not self._vehicle.state.in_air:
             height = next(item.point.altitude for item in mission.items if item.point)
             height -= home.altitude if mission.above_sea else 0.0
             async for progress in self._takeoff.climb(max(_LOWEST_TAKEOFF, height)):
@@ -177,7 +181,8 @@ class MissionPilot:
         Only messages after the start count: before it both autopilots still report the previous mission.
         """
         flight, flavour = self._flight, self._flight.flavour
-        returns = mission.items[-1].kind == "return_to_launch"
+        # A rover that has returned stays armed, and in its mission.
+        returns = mission.items[-1].kind == "return_to_launch" and not flavour.surface
         ends = (flavour.return_home,) if returns else (flavour.hold,)
         self._flight.give_way(flavour, flavour.mission)
         if flavour.rewind is not None and not mission.resumed:
@@ -233,7 +238,8 @@ class MissionPilot:
         if mission.home is None:
             return home
         offset = world_from_geo(GeoOrigin(home.latitude, home.longitude, home.altitude), mission.home)
-        if offset.horizontal() > _ELSEWHERE or abs(offset.z) > _OTHER_GROUND:
+        other_ground = abs(offset.z) > _OTHER_GROUND and not state.on_the_surface
+        if offset.horizontal() > _ELSEWHERE or other_ground:
             raise Refused(
                 f"the mission is planned from a home {offset.horizontal():.0f} m away and "
                 f"{offset.z:+.0f} m higher than this one",

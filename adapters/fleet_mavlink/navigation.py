@@ -31,11 +31,17 @@ from fleet import (
 )
 from fleet_mavlink.flight import FARTHEST, Flight, is_standing
 from fleet_mavlink.frames import pose_of
-from fleet_mavlink.preconditions import known_heading, known_position, require_flying
+from fleet_mavlink.preconditions import (
+    home_unknown,
+    known_heading,
+    known_position,
+    not_armed,
+    require_connection,
+    require_movable,
+)
 from fleet_mavlink.state import VehicleState
 from fleet_mavlink.takeoff import TakeOff
 
-TOLERANCE = 0.5  # m
 _YAW_TOLERANCE = 0.2  # rad
 _POLL = 0.5  # s between checks
 _STUCK_AFTER = 5.0  # s without progress
@@ -43,16 +49,21 @@ _GIVE_UP_AFTER = 30.0  # s
 _NEARER = 0.25  # m, or rad of turn, that counts as progress
 _MOST_GOALS = 1000
 _SLOWEST = 0.2  # m/s
+_ALONG = 0.01  # m sideways that a way along the nose may be off
 
 Way = GoTo | FollowPath | RelativeMove
 
 
 class NavigationTarget(msgspec.Struct, frozen=True):
-    """One goal made concrete: altitude AMSL, ``heading`` radians from north (None: kept), ``wait`` s."""
+    """One goal made concrete: altitude AMSL, ``heading`` radians from north (None: kept), ``wait`` s.
+
+    ``backwards``: a vehicle that moves along its nose drives there in reverse.
+    """
 
     point: GeoPoint
     heading: float | None
     wait: float
+    backwards: bool = False
 
 
 def targets_of(task: Way, state: VehicleState, origin: GeoOrigin) -> tuple[NavigationTarget, ...]:
@@ -63,7 +74,8 @@ def targets_of(task: Way, state: VehicleState, origin: GeoOrigin) -> tuple[Navig
         if not task.goals or not 1 <= task.loops * len(task.goals) <= _MOST_GOALS:
             raise Refused(f"a path has 1 to {_MOST_GOALS} goals, loops counted")
         return tuple(_target(goal, origin) for goal in task.goals) * task.loops
-    return (_target(Goal(position=_moved(task, state, origin)), origin),)
+    moved = _target(Goal(position=_moved(task, state, origin)), origin)
+    return (msgspec.structs.replace(moved, backwards=task.body_frame and task.translation.x < 0.0),)
 
 
 def _target(goal: Goal, origin: GeoOrigin) -> NavigationTarget:
@@ -93,8 +105,25 @@ def _moved(move: RelativeMove, state: VehicleState, origin: GeoOrigin) -> Vector
 
 def _distance(one: GeoPoint, other: GeoPoint) -> float:
     """Return metres between two places."""
-    anchor = GeoOrigin(one.latitude, one.longitude, one.altitude)
-    return world_from_geo(anchor, other).norm()
+    return _offset(one, other).norm()
+
+
+def _offset(one: GeoPoint, other: GeoPoint) -> Vector3:
+    """Return the way from one place to another, metres east, north, up."""
+    return world_from_geo(GeoOrigin(one.latitude, one.longitude, one.altitude), other)
+
+
+def _require_along(task: Way) -> None:
+    """Raise Refused for what takes more than a motion along the nose."""
+    goals = (task.goal,) if isinstance(task, GoTo) else task.goals if isinstance(task, FollowPath) else ()
+    if any(goal.yaw is not None for goal in goals):
+        raise Refused("it stands as it comes: it cannot turn to a yaw at a goal", hint="leave the yaw out")
+    if not isinstance(task, RelativeMove):
+        return
+    if abs(task.translation.z) > _ALONG:
+        raise Refused("it moves on the surface: its height is not its own")
+    if task.body_frame and abs(task.translation.y) > _ALONG:
+        raise Refused("it moves along its nose, ahead or back, and not sideways", hint="send a goal")
 
 
 class _Course:
@@ -140,16 +169,36 @@ class AutopilotNavigator:
 
     async def carry_out(self, task: Way, origin: GeoOrigin) -> AsyncIterator[Progress]:
         """Fly a task; everything is checked before anything is sent. Raises when it cannot be done."""
-        require_flying(self._vehicle, self._flight.authority)
+        require_movable(self._vehicle, self._flight.authority)
         self._require_no_takeoff()
         here = known_position(self._vehicle)
+        if self._flight.flavour.surface:
+            _require_along(task)
         targets = targets_of(task, self._vehicle.state, origin)
         async for progress in self._fly_all(targets, here, task.constraints):
             yield progress
 
+    async def go_home(self) -> AsyncIterator[Progress]:
+        """Drive home by the autopilot's own mode, and stand there armed; for what moves on the surface."""
+        flight, vehicle = self._flight, self._vehicle
+        require_connection(vehicle)
+        home, flavour = vehicle.state.home, flight.flavour
+        if not vehicle.state.armed:
+            raise not_armed()
+        if home is None:
+            raise home_unknown()
+        target = NavigationTarget(home, None, 0.0)
+        course = _Course(known_position(vehicle), (target,))
+        flight.give_way(flavour, flavour.return_home)
+        await flight.enter(flavour.return_home)
+        yield course.progress(0, self._left(target), "on the way home")
+        async for blocked in self._until(target, flavour.tolerance, flavour.return_home, turned=False):
+            yield course.progress(0, self._left(target), "on the way home", blocked=blocked)
+        yield Progress(100.0, "at home")
+
     async def fly_to(self, point: GeoPoint) -> AsyncIterator[Progress]:
         """Fly to one place (altitude AMSL), keeping the heading; raises as ``carry_out`` does."""
-        require_flying(self._vehicle, self._flight.authority)
+        require_movable(self._vehicle, self._flight.authority)
         here = known_position(self._vehicle)
         async for progress in self._fly_all((NavigationTarget(point, None, 0.0),), here, Constraints()):
             yield progress
@@ -195,21 +244,21 @@ class AutopilotNavigator:
         """Fly to one target with the nose at ``nose``, radians from north, and wait there."""
         flight = self._flight
         goto = flight.flavour.goto
-        tolerance = constraints.tolerance or TOLERANCE
-        await flight.go(target.point, self._speed(constraints), nose)
+        tolerance = constraints.tolerance or flight.flavour.tolerance
+        await flight.go(target.point, self._speed(constraints), nose, backwards=target.backwards)
         yield course.progress(leg, self._left(target), "on the way")
-        async for blocked in self._until(target, tolerance, turned=False):
+        async for blocked in self._until(target, tolerance, goto, turned=False):
             yield course.progress(leg, self._left(target), "on the way", blocked=blocked)
         if target.heading is not None:
-            async for blocked in self._until(target, math.inf, turned=True):
+            async for blocked in self._until(target, math.inf, goto, turned=True):
                 yield course.progress(leg, 0.0, "turning", blocked=blocked)
         yield course.progress(leg, 0.0, "there")
         await flight.wait(target.wait, goto)
 
     async def _until(
-        self, target: NavigationTarget, tolerance: float, *, turned: bool
+        self, target: NavigationTarget, tolerance: float, mode: str, *, turned: bool
     ) -> AsyncIterator[bool]:
-        """Wait until the vehicle stands at a target, or is turned to it; yields whether it is stuck."""
+        """Wait, in a mode, until it stands at a target or is turned to it; yields whether it is stuck."""
 
         def there(state: VehicleState) -> bool:
             if turned:
@@ -218,7 +267,7 @@ class AutopilotNavigator:
 
         watch = _Watch(self._vehicle.now())
         while not await self._vehicle.until(there, _POLL):
-            self._flight.check(self._flight.flavour.goto)
+            self._flight.check(mode)
             left = _turn_left(target, self._vehicle.state) if turned else self._left(target)
             stuck = watch.stuck_for(left, self._vehicle.now())
             if stuck > _GIVE_UP_AFTER:
@@ -227,8 +276,12 @@ class AutopilotNavigator:
 
     def _left(self, target: NavigationTarget) -> float:
         """Return metres to a target, infinite while the position is unknown."""
-        position = self._vehicle.state.position
-        return math.inf if position is None else _distance(position, target.point)
+        state = self._vehicle.state
+        if state.position is None:
+            return math.inf
+        if state.on_the_surface:
+            return _offset(state.position, target.point).horizontal()
+        return _distance(state.position, target.point)
 
 
 def _turn_left(target: NavigationTarget, state: VehicleState) -> float:

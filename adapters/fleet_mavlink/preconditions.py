@@ -7,6 +7,7 @@ import math
 from fleet import GeoPoint, NotReady, Unsupported
 from fleet_mavlink.authority import Authority
 from fleet_mavlink.vehicle import Vehicle
+from fleet_mavlink.vehicle import not_moved as not_moved_words
 
 
 def require_heartbeat(vehicle: Vehicle) -> None:
@@ -34,7 +35,7 @@ def _unheard(vehicle: Vehicle) -> NotReady:
 def require_control(vehicle: Vehicle, authority: Authority) -> None:
     """Raise NotReady unless the vehicle answers, is the only one with its id, and is ours.
 
-    Raises Unsupported for a vehicle that is not flown here: ArduRover would drive 3 s for one setpoint.
+    Raises Unsupported for a vehicle that is not moved here.
     """
     require_connection(vehicle)
     if vehicle.flavour is None:
@@ -43,11 +44,13 @@ def require_control(vehicle: Vehicle, authority: Authority) -> None:
         raise NotReady(f"a pilot or a fail-safe has it, in {authority.taker}", hint="send hover to take it")
 
 
-def require_flying(vehicle: Vehicle, authority: Authority) -> None:
-    """Raise NotReady unless the vehicle flies under our authority and knows its position."""
+def require_movable(vehicle: Vehicle, authority: Authority) -> None:
+    """Raise NotReady unless it flies, or is armed on the surface, is ours, and knows its position."""
     require_control(vehicle, authority)
     state = vehicle.state
-    if not state.armed or not state.in_air:
+    if state.on_the_surface and not state.armed:
+        raise not_armed()
+    if not state.on_the_surface and not (state.armed and state.in_air):
         raise not_in_the_air()
     if not state.knows_where(vehicle.now()):
         raise NotReady("no position of the last second that can be trusted", hint="wait for satellites")
@@ -55,7 +58,14 @@ def require_flying(vehicle: Vehicle, authority: Authority) -> None:
 
 def not_moved(vehicle: Vehicle) -> Unsupported:
     """Return the error for a vehicle that can be monitored and stopped here, but not moved."""
-    return Unsupported(f"it is {vehicle.what}, which is not moved here: it is watched, and stopped")
+    beat = vehicle.state.heartbeat
+    return Unsupported("it is not known yet what it is" if beat is None else not_moved_words(beat))
+
+
+def require_has(vehicle: Vehicle, name: str) -> None:
+    """Raise Unsupported for what this vehicle does not have of the vocabulary."""
+    if reason := vehicle.lacking.get(name):
+        raise Unsupported(reason)
 
 
 def known_position(vehicle: Vehicle) -> GeoPoint:
@@ -77,6 +87,11 @@ def known_heading(vehicle: Vehicle) -> float:
 def not_in_the_air() -> NotReady:
     """Return the error for a vehicle that would have to fly."""
     return NotReady("not in the air", hint="send takeoff first")
+
+
+def not_armed() -> NotReady:
+    """Return the error for a vehicle on the surface whose motors are off."""
+    return NotReady("it is not armed", hint="send arm first")
 
 
 def home_unknown() -> NotReady:

@@ -56,7 +56,8 @@ def checks(
 
 def _mode_words(mode: str, flavour: Flavour) -> str:
     """Return the mode, as text, in which the autopilot checked itself: ArduPilot's checks depend on it."""
-    return mode if mode == flavour.arming else f"{mode}; a take-off changes to {flavour.arming}"
+    begins = "arming it" if flavour.surface else "a take-off"
+    return mode if mode == flavour.arming else f"{mode}; {begins} changes to {flavour.arming}"
 
 
 def _remote_control(state: VehicleState) -> tuple[Check, ...]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Awaitable
+from collections.abc import Awaitable, Mapping
 
 from fleet import (
     CommandError,
@@ -44,6 +44,7 @@ from fleet_mavlink.plans import Plans
 from fleet_mavlink.preconditions import require_connection, require_heartbeat
 from fleet_mavlink.reporter import Reporter
 from fleet_mavlink.state import SILENCE, VehicleState
+from fleet_mavlink.steering import Steering
 from fleet_mavlink.streams import Streams
 from fleet_mavlink.takeoff import TakeOff
 from fleet_mavlink.texts import Sentence
@@ -71,6 +72,7 @@ class VehicleSession:
         self._tasks: set[asyncio.Task[None]] = set()
         self._cause = FailsafeCause()
         self._unstopped = ""  # why the last stop failed
+        self._lacking: Mapping[str, str] = {}  # what the host was told
         self.authority = Authority(self._authority_lost)
         self.commander = Commander(vehicle, _timing(config.timeouts))
         self.flight = Flight(vehicle, self.commander, self.authority, limits, self._give_way)
@@ -140,6 +142,7 @@ class VehicleSession:
         self._robot.every(_LOOK, self._look)
         self._reporter.begin()
         keepers = [self.streams.keep(), self.failsafes.keep(), EventKeeper(self.vehicle).keep()]
+        keepers.append(Steering(self.vehicle, self.parameters).keep())
         if self.fence:
             keepers.append(self.fence.keep())
         work = [asyncio.ensure_future(each) for each in (*losses, *keepers)]
@@ -198,8 +201,12 @@ class VehicleSession:
             return
         self.commander.supersede(reason)
         self.driver.brake()
-        if self.vehicle.flavour is None:
+        flavour = self.vehicle.flavour
+        if flavour is None:
             await self.brakes.brake()
+        elif flavour.surface:
+            with self.authority.asking(*(brake.mode for brake in flavour.brakes(self.vehicle.state))):
+                await self.brakes.brake()
         elif self.vehicle.state.armed:
             await self.flight.hold()
 
@@ -322,6 +329,9 @@ class VehicleSession:
         """Check whether somebody else changed the mode, and whether the vehicle is back."""
         vehicle = self.vehicle
         self._see_cause()
+        if vehicle.lacking != self._lacking:
+            self._lacking = vehicle.lacking
+            self._robot.lacks(self._lacking)
         if vehicle.flavour is not None:
             self.authority.observe(vehicle.state, vehicle.flavour, self._cause.text)
         self._robot.health(self._health())

@@ -7,7 +7,7 @@ import contextlib
 import logging
 import math
 from collections import deque
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from typing import Any
 
 from fleet import Address, Clock
@@ -24,6 +24,7 @@ from fleet_mavlink.redundant_links import way_of
 from fleet_mavlink.state import SILENCE, VehicleState, reduce
 from fleet_mavlink.texts import Joiner, Sentence
 from fleet_mavlink.vehicle_kind import VehicleKind
+from fleet_mavlink.vocabulary import OF_A_MOVED_VEHICLE
 
 _REMEMBERED = 64  # texts kept
 _SAME_WITHIN = 1.0  # s between an event and a text with the same content
@@ -57,6 +58,7 @@ class Vehicle:
         self.on_heartbeat: Callable[[], None] = _nothing
         self.on_ack: Callable[[CommandAck], None] = _ignore
         self.on_sentence: Callable[[Sentence], None] = _ignore
+        self.turns_in_place: bool | None = None  # of what moves on the surface; None: not known
         self.camera: Part | None = None
         self.dictionary: EventDictionary | None = None  # of its events
         self._event = -1  # the number of the last one
@@ -83,10 +85,14 @@ class Vehicle:
     @property
     def what(self) -> str:
         """What it is, for people: its type and its autopilot."""
-        beat, kind = self.state.heartbeat, self.kind
-        if beat is None or kind is None:
-            return "not known yet"
-        return f"a {type_name(beat.type)} on {kind.name}"
+        beat = self.state.heartbeat
+        return "not known yet" if beat is None else what_is(beat)
+
+    @property
+    def lacking(self) -> Mapping[str, str]:
+        """What it does not have of the vocabulary, with the reason; nothing before its first heartbeat."""
+        beat = self.state.heartbeat
+        return {} if beat is None else lacking_of(beat)
 
     @property
     def connected(self) -> bool:
@@ -234,6 +240,22 @@ class Vehicle:
         finally:
             self._waiting.remove(waiter)
         return True
+
+
+def what_is(heartbeat: Heartbeat) -> str:
+    """Return what a vehicle is, for people: its type and its autopilot."""
+    return f"a {type_name(heartbeat.type)} on {kind_of(heartbeat).name}"
+
+
+def not_moved(heartbeat: Heartbeat) -> str:
+    """Return what is said of a vehicle that is not moved here."""
+    return f"it is {what_is(heartbeat)}, which is not moved here: it is watched, and stopped"
+
+
+def lacking_of(heartbeat: Heartbeat) -> Mapping[str, str]:
+    """Return what a vehicle does not have of the vocabulary, by name, with the reason."""
+    flavour = flavour_of(heartbeat)
+    return dict.fromkeys(OF_A_MOVED_VEHICLE, not_moved(heartbeat)) if flavour is None else flavour.lacking
 
 
 class Part(Vehicle):

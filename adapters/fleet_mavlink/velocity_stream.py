@@ -7,14 +7,14 @@ import enum
 import math
 from collections.abc import Awaitable, Callable
 
-from fleet import ZERO_VELOCITY, FleetError, NotReady, Refused, Vector3, Velocity
+from fleet import ZERO_VELOCITY, FleetError, NotReady, Refused, Unsupported, Vector3, Velocity
 from fleet_mavlink.authority import Authority
-from fleet_mavlink.flavour import Flavour, ned_setpoint, setpoint
-from fleet_mavlink.preconditions import require_flying
+from fleet_mavlink.commander import Superseded
+from fleet_mavlink.flavour import Flavour, ned_setpoint
+from fleet_mavlink.preconditions import require_movable
 from fleet_mavlink.vehicle import Vehicle
 
 PERIOD = 0.05  # s between setpoints
-_REST = 1.0  # s of zero velocity after which the vehicle is switched to its own hold
 _AGAIN = 1.0  # s until a refused mode is requested again
 
 
@@ -108,9 +108,17 @@ class VelocityStream:
         linear = velocity.linear
         if not math.isfinite(linear.x + linear.y + linear.z + velocity.yaw_rate):
             raise Refused("a velocity must be made of finite numbers")
-        require_flying(self._vehicle, self._authority)
+        self._require_possible(velocity)
+        require_movable(self._vehicle, self._authority)
         if self._refusal is not None and self._vehicle.now() < self._again_at:
             raise NotReady(f"the vehicle does not take velocities: {self._refusal}")
+
+    def _require_possible(self, velocity: Velocity) -> None:
+        """Raise Unsupported for a motion that this vehicle does not have."""
+        vehicle, flavour = self._vehicle, self._vehicle.flavour
+        why = flavour.cannot(velocity, turns_in_place=vehicle.turns_in_place) if flavour else ""
+        if why:
+            raise Unsupported(why)
 
     def brake(self) -> None:
         """Stream zeros until the vehicle holds by itself; the caller requests the hold."""
@@ -165,11 +173,12 @@ class VelocityStream:
         It is also sent before the mode is shown: the vehicle obeys as soon as it accepts setpoints, and the
         heartbeat that shows the mode comes up to a second later.
         """
-        state = self._vehicle.state
+        state, flavour = self._vehicle.state, self._vehicle.flavour
         knows_where = state.knows_where(self._vehicle.now())
-        if self.phase is not BRAKING and state.attitude is not None and knows_where:
+        moves = self.phase is not BRAKING and knows_where
+        if moves and flavour is not None and state.attitude is not None:
             velocity = _below(self._wanted, self._ceiling, state.relative_altitude)
-            self._vehicle.send(setpoint(velocity, state.attitude.yaw, self._vehicle.system))
+            self._vehicle.send(flavour.setpoint(velocity, state.attitude.yaw, self._vehicle.system))
         else:
             self._vehicle.send(ned_setpoint(Vector3(), 0.0, self._vehicle.system))
 
@@ -191,7 +200,7 @@ class VelocityStream:
         """Brake after a rest; be silent when another command has changed the mode."""
         if mode != flavour.external:
             self._to(IDLE)
-        elif self._wanted.is_zero and self._vehicle.now() - self._since >= _REST:
+        elif self._wanted.is_zero and self._vehicle.now() - self._since >= flavour.rest:
             self._to(BRAKING)
 
     def _braking(self, flavour: Flavour, mode: str) -> None:
@@ -211,6 +220,8 @@ class VelocityStream:
         try:
             await what()
             self._refusal = None
+        except Superseded as error:
+            self._vehicle.log.debug("%s", error)  # nothing that the vehicle refused
         except FleetError as error:
             self._vehicle.log.warning("%s", error)
             self._refusal = error

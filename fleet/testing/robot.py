@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import logging
-from collections.abc import AsyncIterator, Callable, Iterable
+from collections.abc import AsyncIterator, Callable, Iterable, Mapping
 from contextlib import AbstractAsyncContextManager
 from typing import Any, ParamSpec, TypeVar
 
@@ -65,6 +65,7 @@ async def running(
 class _Robot:
     """What both robots below record: ``reports``, ``healths``, ``losses``, ``left_halts``, oldest first.
 
+    ``lacking``: what of its adapter's vocabulary the robot does not have, with the reason.
     ``limits``: those that are said to be in force; ``state`` outlives attempts. ``is_connected``: ``connect``
     of its adapter has returned.
     """
@@ -81,6 +82,7 @@ class _Robot:
         self.healths: list[Health] = []
         self.losses: list[str] = []
         self.left_halts: list[tuple[bytes, ...]] = []
+        self.lacking: dict[str, str] = {}
         self._told = asyncio.Event()
 
     def report(self, report: Report) -> None:
@@ -130,6 +132,10 @@ class _Robot:
         """Record that somebody else took the robot."""
         self.losses.append(reason)
         self._told.set()
+
+    def lacks(self, reasons: Mapping[str, str]) -> None:
+        """Record what of the declared vocabulary the robot does not have."""
+        self.lacking = dict(reasons)
 
     def leave_halt(self, link: Link, frames: Iterable[bytes], address: Address = None) -> None:  # noqa: ARG002 - nobody else opens it here
         """Record what would halt the robot after the death of its process."""

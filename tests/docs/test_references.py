@@ -21,6 +21,7 @@ DOCS = pathlib.Path(__file__).parents[2] / "docs" / "reference"
         ("make_cli_reference.py", "cli.md"),
         ("make_mission_reference.py", "mission-grammar.md"),
         ("make_report_reference.py", "reports.md"),
+        ("make_vehicle_reference.py", "vehicles.md"),
         ("make_screens.py", "screens.md"),
     ],
 )

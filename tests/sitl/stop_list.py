@@ -1,6 +1,6 @@
 """What a vehicle that is not moved here is put through: another station moves it, and the adapter stops it.
 
-A rover on ArduPilot; a plane or a VTOL on PX4.
+A plane or a VTOL on PX4.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from fleet.model.report import FlightControllerReport, GpsReport, PoseReport
 from fleet_mavlink.constants import type_name
 
 LONG = 240.0  # s
-GUIDED, HOVERS, FLIES_FORWARD = 15, 3, 4
+HOVERS, FLIES_FORWARD = 3, 4
 CIRCLE = 80.0  # m, its radius
 
 
@@ -46,22 +46,6 @@ async def is_not_moved_by_us(it, _other):
         it.adapter.drive(Velocity(Vector3(1.0, 0.0, 0.0)))
     with pytest.raises(Unsupported, match=r"not moved here"):
         await it.do("takeoff")
-
-
-async def a_rover_is_stopped(it, other):
-    """Have it driven at 4 m/s, and stop it by each word."""
-    for reason in ("stop", "emergency_stop", "hover"):
-        other.ask(176, 1, GUIDED)
-        await it.until(lambda: mode(it) == "GUIDED", LONG)
-        other.ask(400, 1)
-        await it.until(lambda: it.state.armed, LONG)
-        async with other.driving(4.0):
-            await it.until(lambda: speed(it) > 3.0, LONG)
-            before = speed(it)
-            await it.adapter.stop(reason)
-            assert mode(it) == "HOLD"
-            assert speed(it) < before * 0.7
-            await it.until(lambda: speed(it) < 0.3, 15.0)
 
 
 async def is_flown_by_the_other(it, other):
@@ -99,7 +83,6 @@ async def one_with_wings_circles(it, other):
 
 
 STEPS = {
-    "ground_rover": (is_met_and_named, is_not_moved_by_us, a_rover_is_stopped),
     "fixed_wing": (is_met_and_named, is_not_moved_by_us, is_flown_by_the_other, one_with_wings_circles),
     "vtol_fixedrotor": (
         is_met_and_named,

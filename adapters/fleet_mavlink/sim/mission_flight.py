@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, ClassVar
 
 from pymavlink.dialects.v20 import all as mav
 
@@ -114,6 +114,8 @@ _MANOEUVRES: Mapping[int, Callable[[Autopilot, Item], Manoeuvre]] = {
 class FlyMission(Manoeuvre):
     """Fly the items from the current one on; ``returns`` says that an item asks for RTL."""
 
+    manoeuvres: ClassVar[Mapping[int, Callable[[Autopilot, Item], Manoeuvre]]] = _MANOEUVRES
+
     def __init__(self, pilot: Autopilot) -> None:
         missions = pilot.missions
         if missions.state == COMPLETE or missions.current < missions.first:
@@ -143,7 +145,7 @@ class FlyMission(Manoeuvre):
         self._flown = pilot.missions.current
         self._leave_at = None
         item = pilot.missions.items[self._flown]
-        make = _MANOEUVRES.get(item.command)
+        make = self.manoeuvres.get(item.command)
         if make is not None:
             self._leg = make(pilot, item)
         elif item.command == RTL:

@@ -62,8 +62,22 @@ def ardupilot_params(system_id: int) -> Values:
         "WPNAV_SPEED": (REAL32, 1000.0),
         "WPNAV_SPEED_DN": (REAL32, 150.0),
         "WPNAV_SPEED_UP": (REAL32, 250.0),
-        "WP_SPEED": (REAL32, 3.0),
         "WP_YAW_BEHAVIOR": (INT8, 2),
+    }
+
+
+def rover_params(system_id: int) -> Values:
+    """Return the parameters that matter here, with ArduRover's defaults."""
+    return ardupilot_params(system_id) | {
+        "FENCE_TYPE": (INT8, 6),
+        "FS_ACTION": (INT8, 2),
+        "FS_TIMEOUT": (REAL32, 1.5),
+        "SERVO1_FUNCTION": (INT16, 26),
+        "SERVO2_FUNCTION": (INT16, 0),
+        "SERVO3_FUNCTION": (INT16, 70),
+        "SERVO4_FUNCTION": (INT16, 0),
+        "WP_RADIUS": (REAL32, 2.0),
+        "WP_SPEED": (REAL32, 5.0),
     }
 
 

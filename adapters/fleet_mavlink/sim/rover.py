@@ -10,12 +10,13 @@ from pymavlink.dialects.v20 import all as mav
 
 from fleet_mavlink.sim.ardupilot import ArduPilot
 from fleet_mavlink.sim.autopilot import Boot, Handler
-from fleet_mavlink.sim.manoeuvres import GoTo, Idle, Manoeuvre
+from fleet_mavlink.sim.manoeuvres import Idle, Manoeuvre
 from fleet_mavlink.sim.modes import Mode
 from fleet_mavlink.sim.physics import Agility
 from fleet_mavlink.sim.rover_commands import COMMANDS
+from fleet_mavlink.sim.rover_failsafes import RoverFailsafes
 from fleet_mavlink.sim.rover_modes import MODES
-from fleet_mavlink.sim.rover_moves import BRAKED, DISARMED, Coast, Roll
+from fleet_mavlink.sim.rover_moves import BRAKED, DISARMED, Coast, Roll, RollTo
 from fleet_mavlink.sim.rover_physics import WheeledBody
 from fleet_mavlink.sim.setpoints import Setpoint, setpoint_of
 from fleet_mavlink.sim.speaker import INFO
@@ -23,6 +24,7 @@ from fleet_mavlink.sim.speeds import ArduPilotSpeeds, FlightSpeeds
 
 _BODY_FRAMES = frozenset({8, 9})
 _RELATIVE_FRAMES = frozenset({3, 6, 10, 11})
+_THROTTLE_LEFT = 73  # SERVO1_FUNCTION of a vehicle that is steered by its drives
 _STANDBY_MODES = frozenset({"HOLD"})
 
 
@@ -33,6 +35,11 @@ class RoverSpeeds(ArduPilotSpeeds):
     def cruise(self) -> float:
         """WP_SPEED."""
         return self.asked or self._params["WP_SPEED"]
+
+    @property
+    def nose_follows(self) -> bool:
+        """Always."""
+        return True
 
 
 class SimArduRover(ArduPilot):
@@ -51,6 +58,9 @@ class SimArduRover(ArduPilot):
         super().__init__(boot)
         self._true_home = False
         self._arrived_told = False
+        self.reversed = False  # by DO_SET_REVERSE, until the mode changes
+        self.failsafes = RoverFailsafes(self)
+        self.body.skid = int(boot.params["SERVO1_FUNCTION"]) == _THROTTLE_LEFT
 
     def system_status(self) -> int:
         """Return what has nothing to do with arming: ACTIVE but for the start and HOLD."""
@@ -86,6 +96,8 @@ class SimArduRover(ArduPilot):
 
     def enter(self, mode: Mode) -> None:
         """Change to a mode; a disarmed one goes on coasting."""
+        self.reversed = False
+        self.speeds.asked = None
         super().enter(mode)
         self._arrived_told = False
         if isinstance(self.manoeuvre, Idle):
@@ -103,24 +115,26 @@ class SimArduRover(ArduPilot):
             self.manoeuvre = self.fly_setpoint(setpoint_of(message))
 
     def fly_setpoint(self, setpoint: Setpoint) -> Manoeuvre:
-        """Return the drive: a velocity that is not straight ahead turns the nose toward it."""
+        """Return the drive: with a rate of turn its sign ahead counts, else the nose turns toward it."""
         if setpoint.position is not None:
             return self._to_place(setpoint)
         vx, vy, _ = setpoint.velocity or (0.0, 0.0, 0.0)
-        speed = math.hypot(vx, vy)
-        if not setpoint.finite or speed == 0.0:
-            return Coast(BRAKED)
-        heading = math.atan2(vy, vx) + (self.body.heading if setpoint.frame in _BODY_FRAMES else 0.0)
         rate = setpoint.turn_rate
+        speed = min(math.hypot(vx, vy), self.params["WP_SPEED"])
+        if not setpoint.finite or (speed == 0.0 and not rate):
+            return Coast(BRAKED)
         until = self.time + self.params["GUID_TIMEOUT"]
-        return Roll(speed, None if rate else heading, rate or 0.0, until)
+        if rate is not None:
+            return Roll(math.copysign(speed, vx), None, rate, until)
+        heading = math.atan2(vy, vx) + (self.body.heading if setpoint.frame in _BODY_FRAMES else 0.0)
+        return Roll(speed, heading, 0.0, until)
 
     def _to_place(self, setpoint: Setpoint) -> Manoeuvre:
         """Return the drive to a place: global above home, or local."""
         x, y, z = setpoint.position or (0.0, 0.0, 0.0)
         if setpoint.frame in _RELATIVE_FRAMES:
             x, y, _ = self.ned_of(x, y, z)
-        return GoTo(x, y, 0.0)
+        return RollTo(x, y)
 
     def watch_idle(self) -> None:
         """Stay armed; say once when a place was reached on the way home."""

@@ -12,7 +12,7 @@ from fleet_mavlink.sim.ardupilot_commands import COMMANDS as COPTERS
 from fleet_mavlink.sim.autopilot import Handler
 from fleet_mavlink.sim.command_request import ACCEPTED, DENIED, FAILED, CommandRequest, whole
 from fleet_mavlink.sim.common_commands import FORCE
-from fleet_mavlink.sim.manoeuvres import GoTo
+from fleet_mavlink.sim.rover_moves import RollTo
 from fleet_mavlink.sim.speaker import CRITICAL, INFO
 
 if TYPE_CHECKING:
@@ -63,15 +63,21 @@ def _reposition(pilot: SimArduRover, ask: CommandRequest) -> int:
     if pilot.mode.name != "GUIDED" and not (whole(ask.p2) & 1 and pilot.change_mode(guided)):
         return DENIED
     north, east, _ = pilot.ned_of(ask.latitude, ask.longitude, 0.0)
-    pilot.manoeuvre = GoTo(north, east, 0.0)
+    pilot.manoeuvre = RollTo(north, east)
     return ACCEPTED
 
 
 def _speed(pilot: SimArduRover, ask: CommandRequest) -> int:
-    """Fail for a speed of 0, and change nothing."""
-    if not ask.p2 > 0.0:
+    """Fail for a speed of 0, and without a place to drive to; change nothing then."""
+    if not ask.p2 > 0.0 or not isinstance(pilot.manoeuvre, RollTo):
         return FAILED
     pilot.speeds.asked = ask.p2
+    return ACCEPTED
+
+
+def _reverse(pilot: SimArduRover, ask: CommandRequest) -> int:
+    """Drive to places in reverse (1) or ahead (0), until the mode changes."""
+    pilot.reversed = ask.p1 == 1.0
     return ACCEPTED
 
 
@@ -89,6 +95,7 @@ COMMANDS: Mapping[int, Handler] = {
     mav.MAV_CMD_DO_SET_MODE: _set_mode,
     mav.MAV_CMD_DO_REPOSITION: _reposition,
     mav.MAV_CMD_DO_CHANGE_SPEED: _speed,
+    mav.MAV_CMD_DO_SET_REVERSE: _reverse,
     mav.MAV_CMD_NAV_RETURN_TO_LAUNCH: _return,
     mav.MAV_CMD_MISSION_START: _start_mission,
 }

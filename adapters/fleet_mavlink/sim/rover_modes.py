@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from fleet_mavlink.sim.manoeuvres import GoTo, Manoeuvre
-from fleet_mavlink.sim.mission_flight import FlyMission
+from fleet_mavlink.sim.manoeuvres import Manoeuvre
 from fleet_mavlink.sim.modes import Mode
-from fleet_mavlink.sim.rover_moves import BRAKED, HELD, Coast
+from fleet_mavlink.sim.rover_mission import DriveMission
+from fleet_mavlink.sim.rover_moves import BRAKED, HELD, Coast, RollTo
 
 if TYPE_CHECKING:
     from fleet_mavlink.sim.autopilot import Autopilot
@@ -31,7 +31,7 @@ def _guided(pilot: Autopilot) -> Manoeuvre:
 def _home(pilot: Autopilot) -> Manoeuvre:
     """Drive home and stand there, armed."""
     north, east, _ = pilot.home_ned()
-    return GoTo(north, east, 0.0)
+    return RollTo(north, east)
 
 
 _ALL = (
@@ -39,7 +39,7 @@ _ALL = (
     Mode("HOLD", 4, _hold, _HOLD, position=False),
     Mode("LOITER", 5, _stay, _GUIDED),
     Mode("CIRCLE", 9, _stay, _GUIDED),
-    Mode("AUTO", 10, FlyMission, _GUIDED),
+    Mode("AUTO", 10, DriveMission, _GUIDED),
     Mode("RTL", 11, _home, _GUIDED),
     Mode("GUIDED", 15, _guided, _GUIDED),
     Mode("INITIALISING", 16, _hold, _HOLD, position=False, armable=False),

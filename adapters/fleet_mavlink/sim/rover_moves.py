@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, cast
 
-from fleet_mavlink.sim.manoeuvres import Manoeuvre
+from fleet_mavlink.sim.manoeuvres import GoTo, Manoeuvre
 from fleet_mavlink.sim.physics import Aim
 from fleet_mavlink.sim.speaker import WARNING
 
 if TYPE_CHECKING:
     from fleet_mavlink.sim.autopilot import Autopilot
+    from fleet_mavlink.sim.rover import SimArduRover
 
 HELD, BRAKED, TIMED_OUT, DISARMED = 2.05, 1.4, 1.05, 1.6  # s over which the speed dies away
+_THERE = 0.35  # m
 _OVERSHOOT = 1.15  # of the speed that is asked for
 
 
@@ -31,7 +33,10 @@ class Coast(Manoeuvre):
 
 
 class Roll(Coast):
-    """Drive at a speed, to a heading or at a rate of turn, until the setpoint is too old."""
+    """Drive at a speed, to a heading or at a rate of turn, until the setpoint is too old.
+
+    A negative speed is in reverse.
+    """
 
     def __init__(self, speed: float, heading: float | None, rate: float, until: float) -> None:
         super().__init__(TIMED_OUT)
@@ -48,6 +53,23 @@ class Roll(Coast):
                 self._told = True
                 pilot.say(WARNING, "target not received last 3secs, stopping")
             return super().aim(pilot)
-        heading = pilot.body.heading if self._heading is None else self._heading
+        body = pilot.body
+        body.backwards = self._speed < 0.0  # type: ignore[attr-defined]
+        heading = body.heading if self._heading is None else self._heading
         speed = self._speed * _OVERSHOOT
         return Aim(speed * math.cos(heading), speed * math.sin(heading), 0.0, self._heading, self._rate)
+
+
+class RollTo(GoTo):
+    """Drive to a place, in reverse where DO_SET_REVERSE said so, and stand there."""
+
+    def __init__(self, north: float, east: float) -> None:
+        super().__init__(north, east, 0.0)
+
+    def aim(self, pilot: Autopilot) -> Aim:
+        """Return the drive toward the place; it comes within 0.4 m of it."""
+        rover = cast("SimArduRover", pilot)
+        body = rover.body
+        body.backwards, body.easing = rover.reversed, 0.0
+        self.done = self.done or math.hypot(self.north - body.north, self.east - body.east) < _THERE
+        return Aim() if self.done else super().aim(pilot)

@@ -13,14 +13,19 @@ _TURN_GAIN = 2.0  # 1/s
 
 @dataclass(slots=True)
 class WheeledBody(Body):
-    """``easing``: seconds over which a speed that is not wanted dies away; 0: it is braked as it can be."""
+    """``easing``: seconds over which a speed that is not wanted dies away; 0: it is braked as it can be.
+
+    ``backwards``: a wanted velocity is driven in reverse. ``skid``: it turns while it stands, too.
+    """
 
     easing: float = 0.0
     along: float = 0.0  # m/s, forward
+    backwards: bool = False
+    skid: bool = False
 
     def advance(self, aim: Aim, agility: Agility, drift: tuple[float, float], dt: float) -> None:  # noqa: ARG002
         """Move on by ``dt`` seconds: the wanted velocity is turned to, and driven along the nose."""
-        wanted = math.hypot(aim.vn, aim.ve)
+        wanted = math.hypot(aim.vn, aim.ve) * (-1.0 if self.backwards else 1.0)
         self.turn_rate = self._turning(aim, wanted, agility)
         self.heading = (self.heading + self.turn_rate * dt) % math.tau
         if wanted == 0.0 and self.easing:
@@ -33,10 +38,12 @@ class WheeledBody(Body):
         self.east += self.ve * dt
 
     def _turning(self, aim: Aim, wanted: float, agility: Agility) -> float:
-        """Return the rate of turn, rad/s: it must move to turn."""
+        """Return the rate of turn, rad/s: on steered wheels it must move to turn."""
         rate = aim.turn_rate
         if wanted and not rate:
             heading = math.atan2(aim.ve, aim.vn) if aim.heading is None else aim.heading
+            heading += math.pi if self.backwards else 0.0
             rate = _TURN_GAIN * math.remainder(heading - self.heading, math.tau)
-        most = agility.turn * min(1.0, max(self.along, wanted * 0.5) / _TURN_SPEED)
+        rolls = min(1.0, max(abs(self.along), abs(wanted) * 0.5) / _TURN_SPEED)
+        most = agility.turn * (1.0 if self.skid else rolls)
         return max(-most, min(most, rate))

@@ -18,7 +18,7 @@ from fleet_mavlink.sim.equipment import Equipment
 from fleet_mavlink.sim.faults import FAULTS
 from fleet_mavlink.sim.files import FILES, answer
 from fleet_mavlink.sim.missions import ARDUPILOT_HABITS, PX4_HABITS, SimMissions
-from fleet_mavlink.sim.params import Params, ardupilot_params, px4_params
+from fleet_mavlink.sim.params import Params, Values, ardupilot_params, px4_params, rover_params
 from fleet_mavlink.sim.physics import Body
 from fleet_mavlink.sim.px4 import SimPx4
 from fleet_mavlink.sim.rover import SimArduRover
@@ -31,6 +31,11 @@ _VEHICLES: Mapping[tuple[Flavour, VehicleName], tuple[Callable[[Boot], Autopilot
     ("ardupilot", "multirotor"): (ArduPilot, Body),
     ("ardupilot", "rover"): (SimArduRover, WheeledBody),
     ("px4", "multirotor"): (SimPx4, Body),
+}
+_PARAMS: Mapping[tuple[Flavour, VehicleName], Callable[[int], Values]] = {
+    ("ardupilot", "multirotor"): ardupilot_params,
+    ("ardupilot", "rover"): rover_params,
+    ("px4", "multirotor"): px4_params,
 }
 ARDUPILOT_GREETING = b"\n\nInit ArduCopter V4.6.3 (92b0cd78)\n\nFree RAM: 131072\nInit Gyro***"
 _STEP = 0.05  # longest step of the physics, s
@@ -74,7 +79,7 @@ class SimVehicle:
         self._epoch = epoch
         ardupilot = flavour == "ardupilot"
         self._battery = SimBattery(12.6, 9.6, int) if ardupilot else SimBattery(16.2, 13.2, math.ceil)
-        values = ardupilot_params(system_id) if ardupilot else px4_params(system_id)
+        values = _PARAMS[flavour, vehicle](system_id)
         self._params = Params(values, "cast" if ardupilot else "bytewise")
         self._missions = SimMissions(ARDUPILOT_HABITS if ardupilot else PX4_HABITS)
         self.equipment = Equipment(ardupilot=ardupilot)

@@ -16,13 +16,17 @@ from fleet.model.command import Command
 from fleet.model.geometry import Velocity
 from fleet.model.navigation import FlyMission, Task
 from fleet.robot_config import AdapterConfig, Limits, Separation
+from fleet.wire.commands import VERBS
 
 AdapterClass = type[Adapter[Any]] | type[FrameAdapter[Any]]
 _NOTHING = 0.01  # m/s: less of a velocity is noise of who computed it
 
 
 class Capabilities(msgspec.Struct, frozen=True):
-    """What a kind of robot declares; the host refuses the rest before it reaches the adapter."""
+    """What a kind of robot declares; the host refuses the rest before it reaches the adapter.
+
+    ``lacking`` is what this robot does not have of it, by name, with the reason. Its adapter may change it.
+    """
 
     commands: Mapping[str, CommandSpec]
     drives: bool
@@ -32,6 +36,11 @@ class Capabilities(msgspec.Struct, frozen=True):
     holonomic: bool = False
     combines_keys: bool = False
     moves_joints: bool = False
+    lacking: dict[str, str] = {}
+
+    def command(self, name: str) -> CommandSpec | None:
+        """Return a declared command, None for one that this robot does not have."""
+        return None if name in self.lacking else self.commands.get(name)
 
     def refusal(self, velocity: Velocity) -> str | None:
         """Return why the robot cannot move like this at all; None when it can."""
@@ -41,6 +50,15 @@ class Capabilities(msgspec.Struct, frozen=True):
             return "it does not move sideways"
         if self.limits.vertical_speed is None and abs(velocity.linear.z) > _NOTHING:
             return "it stays on the ground"
+        return self._lacked(velocity) if self.lacking else None
+
+    def _lacked(self, velocity: Velocity) -> str | None:
+        """Return why this robot does not have a direction of a velocity; None when it has them all."""
+        linear = velocity.linear
+        along = {"x": linear.x, "y": linear.y, "z": linear.z, "yaw": velocity.yaw_rate}
+        for name, verb in VERBS.items():
+            if verb.sign * along[verb.axis] > _NOTHING and name in self.lacking:
+                return self.lacking[name]
         return None
 
     @property
@@ -52,7 +70,7 @@ class Capabilities(msgspec.Struct, frozen=True):
         """Return why the robot cannot carry out such a task at all; None when it can."""
         if isinstance(task, FlyMission) and not self.navigates:
             return "it carries out no missions: it has no autopilot with a memory for them; send it goals"
-        return None
+        return self.lacking.get("plan" if isinstance(task, FlyMission) else "goto")
 
     @property
     def moves(self) -> bool:
@@ -61,7 +79,9 @@ class Capabilities(msgspec.Struct, frozen=True):
         return streamed or self.navigates or any(spec.moves for spec in self.commands.values())
 
     def hint(self, name: str) -> str:
-        """Say which command was perhaps meant by one that is not declared."""
+        """Say why the robot lacks a command, or which was perhaps meant by one that is not declared."""
+        if name in self.lacking:
+            return self.lacking[name]
         near = difflib.get_close_matches(name, self.commands, n=1)
         if near:
             return f"did you mean {near[0]!r}?"
@@ -69,14 +89,14 @@ class Capabilities(msgspec.Struct, frozen=True):
 
 
 def timed(can: Capabilities, config: AdapterConfig) -> Capabilities:
-    """Return capabilities whose commands are given up when the robot's config says so."""
+    """Return one robot's own capabilities: its commands are given up when its config says so."""
     commands = {
         name: spec
         if (limit := config.timeout_of(name)) is None
         else msgspec.structs.replace(spec, timeout=limit)
         for name, spec in can.commands.items()
     }
-    return msgspec.structs.replace(can, commands=commands)
+    return msgspec.structs.replace(can, commands=commands, lacking={})
 
 
 @functools.lru_cache(maxsize=64)  # a thousand robots of one kind share it

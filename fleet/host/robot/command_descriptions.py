@@ -55,15 +55,17 @@ def description(
     """Return what a robot takes. ``own`` are the commands that the host answers itself; stops come first."""
     names = [*sorted(STOP_WORDS), *sorted(own)]
     hosts = [CommandDescription(name, _HOST.get(name, ""), refusal=refusal(name, None)) for name in names]
-    declared = [command_of(spec, refusal(name, spec)) for name, spec in sorted(can.commands.items())]
+    had = {name: spec for name, spec in sorted(can.commands.items()) if name not in can.lacking}
+    declared = [command_of(spec, refusal(name, spec)) for name, spec in had.items()]
+    verbs = tuple(name for name in VERBS if can.drives and name not in can.lacking)
     return RobotDescription(
         robot,
         adapter,
         (*declared, *(one for one in hosts if one.name not in can.commands)),
-        drives=can.drives,
-        verbs=tuple(VERBS) if can.drives else (),
-        goals=can.drives or can.navigates,
-        missions=can.navigates,
+        drives=bool(verbs),
+        verbs=verbs,
+        goals=(can.drives or can.navigates) and "goto" not in can.lacking,
+        missions=can.navigates and "plan" not in can.lacking,
         limits={name: value for name, value in limits if value is not None},
         fence=_fence(fence),
     )

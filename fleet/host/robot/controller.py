@@ -214,7 +214,7 @@ class RobotController:
             self._stop(ask, receipt)
             return
         own = self.own.get(ask.name)
-        spec = None if own else self._can.commands.get(ask.name)
+        spec = None if own else self._can.command(ask.name)
         if own is None and spec is None:
             receipt.reject(f"{self.name} has no {ask.name!r}", hint=self._can.hint(ask.name))
             return

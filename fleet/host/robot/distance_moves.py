@@ -26,7 +26,7 @@ def goal_of(ask: Ask | None, can: Capabilities, defaults: Defaults) -> Ask | Non
         return ask
     verb, distance = VERBS[ask.name], float(ask.data["distance"])
     speed = getattr(defaults(ask.origin.session), verb.default)
-    refusal = _refusal(verb, can) or ("" if speed else "its speed is set to 0")
+    refusal = can.lacking.get(ask.name) or _refusal(verb, can) or ("" if speed else "its speed is set to 0")
     if not refusal and not SHORTEST <= distance <= speed * LONGEST:
         refusal = f"{distance:g} m is not {SHORTEST:g} to {speed * LONGEST:g} m; send a goal for more"
     if refusal:

@@ -40,13 +40,7 @@ from fleet.model.description import RobotDescription
 from fleet.model.event import EventReport
 from fleet.model.health import Health, Level
 from fleet.model.navigation import ActionState
-from fleet.model.report import (
-    JointReport,
-    MetricsReport,
-    NavigationReport,
-    Report,
-    TelemetryReport,
-)
+from fleet.model.report import JointReport, MetricsReport, NavigationReport, Report, TelemetryReport
 from fleet.model.state import RobotState
 from fleet.robot_config import AdapterConfig
 from fleet.runtime.event_loop import OWNER
@@ -188,7 +182,7 @@ class LocalRobot:
 
     def spec_of(self, command: str) -> CommandSpec | None:
         """Return what the adapter declares of a command, None for one that it does not have."""
-        return self._can.commands.get(command)
+        return self._can.command(command)
 
     def begin(self, ask: Ask, receipt: Receipt) -> None:
         """Bring an ask to the robot's controller, and record it; on the loop."""
@@ -360,6 +354,7 @@ class LocalRobot:
             publish=self._reported,
             healthy=runner.healthy,
             lost_authority=self.controller.authority_lost,
+            lacking=self._can.lacking,
             failed=runner.crashed,
             supervised=self._supervised,
         )

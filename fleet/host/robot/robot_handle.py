@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import logging
 import math
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from contextlib import AbstractAsyncContextManager, AsyncExitStack
 from functools import partial
 from typing import Any, ParamSpec, TypeVar
@@ -46,6 +46,7 @@ class RobotHandle:
         publish: Callable[[Report], None],
         healthy: Callable[[Health], None],
         lost_authority: Callable[[str], None],
+        lacking: dict[str, str],
         failed: Callable[[Exception], None],
         supervised: SupervisorClient,
     ) -> None:
@@ -68,6 +69,7 @@ class RobotHandle:
         self._publish = publish
         self._healthy = healthy
         self._lost_authority = lost_authority
+        self._lacking = lacking
         self._failed = failed
         self._periodics: list[PeriodicCall] = []
         self._closed = False
@@ -99,6 +101,12 @@ class RobotHandle:
         """Say that somebody else took the robot."""
         if not self._closed:
             self._lost_authority(reason)
+
+    def lacks(self, reasons: Mapping[str, str]) -> None:
+        """Say what of the declared vocabulary the robot does not have."""
+        if not self._closed:
+            self._lacking.clear()
+            self._lacking.update(reasons)
 
     @property
     def has_left_halt(self) -> bool:

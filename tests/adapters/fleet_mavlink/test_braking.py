@@ -23,8 +23,10 @@ from fleet_mavlink.commander import Commander, Superseded, Timing
 from fleet_mavlink.constants import Cmd, Result, type_name
 from fleet_mavlink.flavours import kind_of
 from fleet_mavlink.messages import CommandAck, ExtendedSysState, GlobalPositionInt, Heartbeat
+from fleet_mavlink.vocabulary import OF_A_MOVED_VEHICLE
 
 HOLD, GUIDED = 4, 15
+SUBMARINE = 12
 ARDUPILOT, PX4, OTHER = 3, 12, 17
 LOITER_PX4 = 0x03040000
 NAN = math.nan
@@ -78,9 +80,10 @@ def test_a_halt_is_written_to_it_at_once(fly, sky):
     fly(main())
 
 
-def test_the_end_of_an_edge_leaves_a_rover_to_who_drives_it(fly, sky):
+def test_the_end_of_an_edge_leaves_what_is_not_moved_here_to_who_moves_it(fly, sky):
     async def main():
         async with sky("ardupilot", vehicle="rover") as it:
+            it.sim.pilot.vehicle_type = SUBMARINE
             driving = await other_station_drives(it)
             await it.adapter.stop("the edge ends")
             assert it.mode == "GUIDED"
@@ -172,9 +175,7 @@ def test_a_rover_is_reported_with_its_type_and_without_a_height(fly, sky):
             poses = [each for each in it.robot.reports if isinstance(each, PoseReport)]
             assert abs(poses[-1].position.z) < 1.0
             assert poses[-1].position.y > poses[0].position.y + 10.0
-            health = it.robot.healths[-1]
-            assert health.level is Level.DEGRADED
-            assert "ground_rover on ardupilot" in health.cause
+            assert it.robot.healths[-1].level is Level.OK
             driving.cancel()
             await it.until(
                 lambda: any("target not" in said.message for said in it.robot.reports_of(LogReport))
@@ -183,17 +184,22 @@ def test_a_rover_is_reported_with_its_type_and_without_a_height(fly, sky):
     fly(main())
 
 
-def test_a_rover_is_not_moved_by_us_not_even_by_one_setpoint(fly, sky):
+def test_what_is_not_moved_here_is_not_moved_not_even_by_one_setpoint(fly, sky):
     async def main():
         async with sky("ardupilot", vehicle="rover") as it:
+            it.sim.pilot.vehicle_type = SUBMARINE
             driving = await other_station_drives(it)
             driving.cancel()
+            health = it.robot.healths[-1]
+            assert health.level is Level.DEGRADED
+            assert "submarine on ardupilot" in health.cause
             with pytest.raises(Unsupported, match="not moved here"):
                 it.adapter.drive(Velocity(Vector3(1.0, 0.0, 0.0)))
             for command in ("takeoff", "land", "return_to_home"):
-                with pytest.raises(Unsupported, match="ground_rover"):
+                with pytest.raises(Unsupported, match="submarine"):
                     await it.do(command)
             assert it.setpoints == []
+            assert set(it.robot.lacking) == set(OF_A_MOVED_VEHICLE)
 
     fly(main())
 

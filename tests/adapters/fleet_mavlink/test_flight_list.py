@@ -27,12 +27,14 @@ def test_the_simulated_autopilots_tell_their_losses(fly, sky, module_at, flavour
     fly(main())
 
 
-def test_the_simulated_rover_is_stopped(fly, sky, module_at):
+def test_the_simulated_rover_drives_the_list(fly, sky, module_at):
+    lines = []
+
     async def main():
         async with sky("ardupilot", vehicle="rover") as it:
-            await it.met()
             other = module_at("sitl/other_station.py").OtherStation(it)
-            for step in module_at("sitl/stop_list.py").steps_for(it):
-                await step(it, other)
+            await module_at("sitl/drive_list.py").drive(it, other, lines.append)
 
     fly(main())
+    assert all(line.startswith("ok") for line in lines)
+    assert len(lines) == len(module_at("sitl/drive_list.py").STEPS)

@@ -22,6 +22,7 @@ def simulated(start=HERE, *, link="udpin:0.0.0.0:14550", **fields):
         ("GUIDED", "udpin:0.0.0.0:14550", "simulated ArduPilot multirotor"),
         ("AUTO.LOITER", "udpin:0.0.0.0:14550", "simulated PX4 multirotor"),
         ("", "udpin:0.0.0.0:14550", "simulated ArduPilot multirotor"),
+        ("HOLD", "udpin:0.0.0.0:14550", "simulated ArduPilot rover"),
         ("GUIDED", "sim:px4", "simulated PX4 multirotor"),
         ("GUIDED", "sim:ardupilot?vehicle=rover", "simulated ArduPilot rover"),
     ],

@@ -130,6 +130,62 @@ def test_it_drives_to_a_place_and_home_and_stays_armed(rover):
     assert rover.mode == "RTL"
 
 
+def test_a_negative_speed_with_a_rate_of_turn_is_driven_in_reverse(rover):
+    rover.stream(4.0, -1.0, mask=KEEP)
+    assert rover.body.along == pytest.approx(-1.0, abs=0.2)
+    assert abs(math.remainder(rover.body.heading, math.tau)) < 0.05
+    rover.stream(4.0, -1.0, mask=KEEP, rate=0.4)
+    assert rover.body.turn_rate == pytest.approx(0.38, abs=0.05)
+
+
+def test_without_a_rate_of_turn_it_turns_round_instead(rover):
+    rover.stream(3.0, -1.0, mask=AHEAD)
+    assert rover.body.along > 0.5
+
+
+def test_its_wheels_do_not_turn_it_where_it_stands(rover):
+    rover.stream(3.0, 0.0, mask=KEEP, rate=0.5)
+    assert abs(math.remainder(rover.body.heading, math.tau)) < 0.1
+
+
+def behind(metres):
+    return (47.397742 - metres / 111_195, 8.545594, 0.0)
+
+
+def test_it_drives_to_a_place_in_reverse_until_its_mode_changes(rover):
+    assert rover.asks(194, 1) == [ACCEPTED]
+    assert rover.asks_int(mav.MAV_CMD_DO_REPOSITION, 6, (-1, 1, 0, math.nan), *behind(8)) == [ACCEPTED]
+    assert rover.asks(178, 1, 1.0, -1) == [ACCEPTED]
+    rover.run(16.0)
+    assert rover.body.north == pytest.approx(-8.0, abs=0.7)
+    assert abs(math.remainder(rover.body.heading, math.tau)) < 0.1
+    rover.asks(176, 1, HOLD)
+    rover.asks(176, 1, GUIDED)
+    assert rover.asks_int(mav.MAV_CMD_DO_REPOSITION, 6, (-1, 1, 0, math.nan), *behind(0)) == [ACCEPTED]
+    rover.run(3.0)
+    assert rover.body.along > 0.5
+
+
+def test_a_speed_is_refused_while_it_has_no_place_to_drive_to(rover):
+    assert rover.asks(178, 1, 2.0, -1) == [FAILED]
+
+
+def test_a_station_that_falls_silent_makes_it_act_after_its_time(rover):
+    rover.set_param("FS_GCS_ENABLE", 1)
+    rover.set_param("FS_ACTION", 1)
+    rover.stream(2.0, 2.0, mask=KEEP)
+    rover.gcs = False
+    rover.until(lambda: "GCS Failsafe" in rover.texts, limit=5.0)
+    assert rover.mode == "RTL"
+
+
+def test_a_lost_position_makes_it_hold(rover):
+    rover.stream(2.0, 2.0, mask=KEEP)
+    rover.set_param("SIM_GPS_DISABLE", 1)
+    rover.until(lambda: "EKF failsafe" in rover.texts, limit=20.0)
+    assert rover.mode == "HOLD"
+
+
 def test_a_flavour_has_the_vehicles_that_it_has(bench):
     with pytest.raises(KeyError):
         bench("px4", vehicle="rover")

@@ -1,20 +1,23 @@
 from typing import Literal
 
+import msgspec
 import pytest
 
 from fleet.adapter import Adapter, AdapterConfig, FrameAdapter
 from fleet.commands import command
 from fleet.errors import Refused
-from fleet.host.robot.adapter_factory import capabilities, create_adapter, start_command
+from fleet.host.robot.adapter_factory import capabilities, create_adapter, start_command, timed
 from fleet.host.robot.frame_adapter_runner import FrameAdapterRunner
 from fleet.model.command import Command
 from fleet.model.geometry import Vector3, Velocity
-from fleet.model.navigation import Progress
+from fleet.model.navigation import FlyMission, Goal, GoTo, Progress
 from fleet.robot_config import Limits
 from fleet.testing.robot import RecordingRobot
 from fleet_mavlink.adapter import MavlinkAdapter
 from fleet_quadruped.adapter import QuadrupedAdapter
 from fleet_ugv.adapter import UgvAdapter
+
+TWIN = "6f0c9a1e-0000-4000-8000-000000000001"
 
 
 class Config(AdapterConfig):
@@ -108,3 +111,22 @@ def test_the_built_in_robots_refuse_the_ways_that_they_cannot_go_and_no_others(p
         assert can.refusal(Velocity(along, 0.5)) is None
     assert (can.refusal(Velocity(Vector3(y=-0.2))) is None) is sideways
     assert (can.refusal(Velocity(Vector3(x=0.3, z=0.2))) is None) is upward
+
+
+def test_a_robot_that_lacks_a_part_of_the_vocabulary_refuses_it_with_the_reason():
+    can = msgspec.structs.replace(timed(capabilities(Brainy), Config(name="b", twin=TWIN)), navigates=True)
+    assert can.command("dance") is not None
+    assert can.refusal(Velocity(Vector3(-1.0, 0.0, 0.0))) is None
+    can.lacking.update(dance="it has no legs", move_backward="it only goes ahead", goto="it knows no place")
+    assert can.command("dance") is None
+    assert can.hint("dance") == "it has no legs"
+    assert can.refusal(Velocity(Vector3(-1.0, 0.0, 0.0))) == "it only goes ahead"
+    assert can.refusal(Velocity(Vector3(1.0, 0.0, 0.0))) is None
+    assert can.cannot(GoTo(Goal(position=Vector3()))) == "it knows no place"
+    assert can.cannot(FlyMission("round", ())) is None
+
+
+def test_what_one_robot_lacks_others_of_its_kind_have():
+    one, other = (timed(capabilities(Brainy), Config(name=name, twin=TWIN)) for name in ("one", "other"))
+    one.lacking["dance"] = "it has no legs"
+    assert other.command("dance") is not None

@@ -2,6 +2,7 @@
 
 from typing import Annotated
 
+import msgspec
 import pytest
 
 from fleet.adapter import Adapter
@@ -12,6 +13,7 @@ from fleet.host.robot.command_descriptions import description, words
 from fleet.host.safety.fence import Fence
 from fleet.model.description import RobotDescription
 from fleet.robot_config import AdapterConfig, Limits
+from fleet.wire.commands import VERBS
 
 
 class Kite(Adapter[AdapterConfig]):
@@ -35,9 +37,9 @@ class Kite(Adapter[AdapterConfig]):
         """Look around."""
 
 
-def described(refusal=lambda name, spec: ""):
+def described(refusal=lambda name, spec: "", can=None):
     found = description(
-        "k", "kite", capabilities(Kite), own=["restart_adapter"], limits=Kite.limits, refusal=refusal
+        "k", "kite", can or capabilities(Kite), own=["restart_adapter"], limits=Kite.limits, refusal=refusal
     )
     return found, {one.name: one for one in found.commands}
 
@@ -58,6 +60,21 @@ def test_what_the_host_does_for_every_robot_is_described_too():
     found, commands = described()
     assert {"stop", "emergency_stop", "restart_adapter"} <= set(commands)
     assert (found.drives, found.goals, found.missions, found.limits) == (False, False, False, {"speed": 2.0})
+
+
+def test_what_a_robot_lacks_is_not_described():
+    can = msgspec.structs.replace(capabilities(Kite), drives=True, navigates=True, lacking={})
+    whole, _ = described(can=can)
+    assert (whole.drives, whole.goals, whole.missions) == (True, True, True)
+    can.lacking.update(dict.fromkeys(("climb", "strafe_left", "plan"), "it has wheels"))
+    found, commands = described(can=can)
+    assert "climb" not in commands
+    assert "look" in commands
+    assert set(whole.verbs) - set(found.verbs) == {"strafe_left"}
+    assert (found.drives, found.goals, found.missions) == (True, True, False)
+    can.lacking.update(dict.fromkeys((*VERBS, "goto"), "it is watched only"))
+    found, _ = described(can=can)
+    assert (found.drives, found.goals, found.verbs) == (False, False, ())
 
 
 def test_why_a_command_would_be_refused_stands_beside_it():

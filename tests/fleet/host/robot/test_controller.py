@@ -62,6 +62,21 @@ async def test_an_undeclared_command_is_refused_with_the_nearest(bench, asks):
     assert "takeoff" in answer.hint
 
 
+async def test_what_this_robot_lacks_is_refused_with_the_reason_and_its_drive_goes_on(bench, asks):
+    lacking = {"takeoff": "it has wheels", "move_backward": "it has no reverse", "goto": "it knows no place"}
+    bench.controller._can = msgspec.structs.replace(bench.controller._can, lacking=lacking)
+    bench.ask(asks.setpoint(1.0))
+    (takeoff,) = bench.ask(asks.command("takeoff"))
+    (back,) = bench.ask(asks.setpoint(-1.0))
+    answers = bench.ask(asks.goal())
+    await asks.settle()
+    assert (takeoff.status, takeoff.hint) == (REJECTED, "it has wheels")
+    assert (back.status, back.reason) == (REJECTED, "it has no reverse")
+    assert "it knows no place" in answers[0].reason
+    assert [each.linear.x for each in bench.puppet.told] == [1.0]
+    assert bench.controller.in_motion
+
+
 async def test_a_wrong_argument_is_refused_by_name(bench, asks):
     answers = bench.ask(asks.command("takeoff", data={"altitud": 3}))
     await asks.settle()

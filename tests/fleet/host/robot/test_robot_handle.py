@@ -19,6 +19,7 @@ class Heard:
 
     def __init__(self, supervised=None, *, connected=True):
         self.all = []
+        self.lacking = {}
         self.scheduler = TickScheduler(asyncio.get_running_loop(), SystemClock())
         self.handle = RobotHandle(
             "rex",
@@ -31,6 +32,7 @@ class Heard:
             publish=self.all.append,
             healthy=self.all.append,
             lost_authority=self.all.append,
+            lacking=self.lacking,
             failed=self.all.append,
             supervised=supervised or SupervisorClient(),
         )
@@ -156,3 +158,13 @@ async def test_a_halt_that_could_not_be_sent_does_not_count():
     supervisor.takes = False
     handle.leave_halt(Line(), [b"halt"])
     assert not handle.has_left_halt
+
+
+async def test_what_a_robot_lacks_is_what_its_adapter_said_last():
+    heard = Heard()
+    heard.handle.lacks({"land": "it has wheels", "takeoff": "it has wheels"})
+    heard.handle.lacks({"land": "it has a hull"})
+    assert heard.lacking == {"land": "it has a hull"}
+    heard.handle.close()
+    heard.handle.lacks({})
+    assert heard.lacking == {"land": "it has a hull"}

@@ -1,0 +1,114 @@
+"""ArduRover, on wheels or afloat: mode numbers and behaviour as observed on the wire of version 4.6."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import ClassVar
+
+from fleet import GeoPoint, Refused, Velocity
+from fleet_mavlink.ardupilot_flavour import ArduPilotFlavour
+from fleet_mavlink.constants import AUTOPILOT, NAN, Cmd, Frame
+from fleet_mavlink.flavour import VELOCITY_AND_YAW_RATE
+from fleet_mavlink.messages import CommandInt, CommandLong, SetPositionTargetLocalNed
+from fleet_mavlink.vocabulary import SURFACE
+
+_CHANGE_MODE = 1.0  # param2 of DO_REPOSITION
+_STILL = 0.01  # m/s
+
+
+class ArduRover(ArduPilotFlavour):
+    """A rover. HOLD takes the drive away and needs no position; it coasts."""
+
+    modes: ClassVar[Mapping[int, str]] = {
+        0: "MANUAL",
+        1: "ACRO",
+        3: "STEERING",
+        4: "HOLD",
+        5: "LOITER",
+        6: "FOLLOW",
+        7: "SIMPLE",
+        8: "DOCK",
+        9: "CIRCLE",
+        10: "AUTO",
+        11: "RTL",
+        12: "SMART_RTL",
+        15: "GUIDED",
+        16: "INITIALISING",
+    }
+    braking: ClassVar[tuple[str, ...]] = ("HOLD",)
+    may_be_disarmed: ClassVar[bool] = True
+    hold: ClassVar[str] = "HOLD"
+    land: ClassVar[str] = ""  # it has none
+    surface: ClassVar[bool] = True
+    rest: ClassVar[float] = 4.0  # zero velocity brakes it, HOLD lets it coast
+    tolerance: ClassVar[float] = 1.5  # seen to stand within 0.7 m of a place, after a sharp turn
+    lacking: ClassVar[Mapping[str, str]] = SURFACE
+
+    @property
+    def failsafe_table(self) -> str:
+        """Rovers have their own."""
+        return "ardurover"
+
+    def takeoff_command(self, altitude: float, home_altitude: float) -> CommandLong:  # noqa: ARG002 - never
+        """Raise Refused: it does not take off."""
+        raise Refused(self.lacking["takeoff"])
+
+    def cannot(self, velocity: Velocity, *, turns_in_place: bool | None) -> str:
+        """Refuse what is not along its nose: ArduRover would turn its nose there and drive on."""
+        if abs(velocity.linear.y) > _STILL:
+            return self.lacking["strafe_left"]
+        stands = abs(velocity.linear.x) <= _STILL and abs(velocity.yaw_rate) > _STILL
+        if stands and turns_in_place is False:
+            return "it is steered by its wheels or its rudder: it turns only while it drives"
+        return self.lacking["ascend"] if abs(velocity.linear.z) > _STILL else ""
+
+    def setpoint(
+        self,
+        velocity: Velocity,
+        heading: float,  # noqa: ARG002 - in its own frame
+        system: int,
+    ) -> SetPositionTargetLocalNed:
+        """Return the setpoint in the body frame: speed along the nose, and the yaw rate.
+
+        The yaw rate must be given: only then a negative speed drives backwards. Without it, ArduRover turns
+        round for ever. In another frame the sign of its x would decide, whatever the heading is.
+        """
+        return SetPositionTargetLocalNed(
+            target_system=system,
+            target_component=AUTOPILOT,
+            coordinate_frame=Frame.BODY_NED,
+            type_mask=VELOCITY_AND_YAW_RATE,
+            vx=velocity.linear.x,
+            vy=0.0,
+            vz=0.0,
+            yaw_rate=-velocity.yaw_rate,
+        )
+
+    def before_go(self, *, backwards: bool) -> CommandLong | None:
+        """Return DO_SET_REVERSE, each time: ArduRover keeps it until its mode changes."""
+        return CommandLong(Cmd.DO_SET_REVERSE, param1=float(backwards))
+
+    def go_command(
+        self,
+        to: GeoPoint,
+        home_altitude: float,  # noqa: ARG002 - it has no height
+        speed: float,  # noqa: ARG002 - refused while it has no place to drive to: ``after_go``
+        heading: float,  # noqa: ARG002 - its nose points along its way
+    ) -> CommandInt:
+        """Return DO_REPOSITION, which is acknowledged."""
+        return CommandInt(
+            Cmd.DO_REPOSITION,
+            frame=Frame.GLOBAL_RELATIVE_ALT_INT,
+            param1=-1.0,
+            param2=_CHANGE_MODE,
+            param4=NAN,
+            x=round(to.latitude * 1e7),
+            y=round(to.longitude * 1e7),
+        )
+
+
+class ArduBoat(ArduRover):
+    """A boat: in HOLD it would drift, so it keeps its place where it knows it."""
+
+    braking: ClassVar[tuple[str, ...]] = ("LOITER", "HOLD")
+    hold: ClassVar[str] = "LOITER"

@@ -1,0 +1,95 @@
+"""What ArduRover does by itself: remote control or station lost, battery, position or fence lost."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from fleet_mavlink.sim.ardupilot_failsafes import ArduPilotFailsafes
+from fleet_mavlink.sim.speaker import CRITICAL, INFO, WARNING
+from fleet_mavlink.sim.streams import heartbeat
+
+if TYPE_CHECKING:
+    from fleet_mavlink.sim.rover import SimArduRover
+
+_STATION_WITHIN = 0.5  # s without it that count as lost; then FS_TIMEOUT runs
+_MODES = {1: "RTL", 2: "HOLD", 3: "RTL", 4: "HOLD"}  # FS_ACTION, BATT_FS_LOW_ACT, FENCE_ACTION
+
+
+class RoverFailsafes(ArduPilotFailsafes):
+    """The fail-safes of one ArduRover (from its source): FS_ACTION after FS_TIMEOUT, never out of HOLD."""
+
+    def __init__(self, pilot: SimArduRover) -> None:
+        super().__init__(pilot)
+        self._lost: dict[str, float] = {}  # what is lost, since when
+        self._told: set[str] = set()
+        self._ekf = False
+
+    def watch(self) -> None:
+        """Look after all of them."""
+        pilot = self._pilot
+        heard = pilot.gcs_heard_at
+        self.radio_lost = not pilot.remote_control and bool(pilot.params["FS_THR_ENABLE"])
+        silent = heard is not None and pilot.time - heard > _STATION_WITHIN
+        self._lose("GCS", lost=silent and bool(pilot.params["FS_GCS_ENABLE"]))
+        self._lose("Throttle", lost=self.radio_lost)
+        if not pilot.armed:
+            return
+        self._watch_battery()
+        self._watch_position()
+        pilot.watch_fence(self._broke_fence)
+
+    def _lose(self, what: str, *, lost: bool) -> None:
+        """Follow one loss; FS_ACTION follows FS_TIMEOUT later, unless it holds or returns already."""
+        pilot = self._pilot
+        if not lost:
+            self._lost.pop(what, None)
+            if what in self._told:
+                self._told.discard(what)
+                pilot.say(INFO, f"{what} Failsafe Cleared")
+            return
+        since = self._lost.setdefault(what, pilot.time)
+        busy = pilot.mode.name not in {"RTL", "HOLD"}
+        if what in self._told or not busy or pilot.time - since <= pilot.params["FS_TIMEOUT"]:
+            return
+        self._told.add(what)
+        pilot.say(WARNING, f"{what} Failsafe")
+        self._act(int(pilot.params["FS_ACTION"]))
+
+    def _act(self, action: int) -> None:
+        """Change the mode, as one of the ACTION parameters says; HOLD where it knows no position."""
+        pilot = self._pilot
+        mode = _MODES.get(action)
+        if mode is not None:
+            pilot.enter(pilot.modes[mode if pilot.has_position else "HOLD"])
+            pilot.out.append(heartbeat(pilot))
+
+    def _watch_battery(self) -> None:
+        """BATT_FS_LOW_ACT below BATT_LOW_VOLT for BATT_LOW_TIMER."""
+        pilot = self._pilot
+        battery, params = pilot.battery, pilot.params
+        if battery.volts >= params["BATT_LOW_VOLT"]:
+            self._low_since = None
+            return
+        self._low_since = pilot.time if self._low_since is None else self._low_since
+        if self._battery_acted or pilot.time - self._low_since < params["BATT_LOW_TIMER"]:
+            return
+        self._battery_acted = True
+        pilot.say(WARNING, f"Battery 1 is low {battery.volts:.2f}V used {battery.used_mah:.0f} mAh")
+        self._act(int(params["BATT_FS_LOW_ACT"]))
+
+    def _watch_position(self) -> None:
+        """FS_EKF_ACTION 1: HOLD when the position is lost in a mode that needs it."""
+        pilot = self._pilot
+        if pilot.has_position:
+            self._ekf = False
+        elif pilot.mode.position and not self._ekf:
+            self._ekf = True
+            if int(pilot.params["FS_EKF_ACTION"]) == 1:
+                pilot.enter(pilot.modes["HOLD"])
+                pilot.out.append(heartbeat(pilot))
+            pilot.say(CRITICAL, "EKF failsafe")
+
+    def _broke_fence(self) -> None:
+        """FENCE_ACTION."""
+        self._pilot.say(WARNING, "Fence Breached")
+        self._act(int(self._pilot.params["FENCE_ACTION"]))

@@ -1,0 +1,51 @@
+"""Whether a vehicle on the surface can turn where it stands: read from how ArduRover drives its outputs."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+from fleet import CommandError
+from fleet_mavlink.parameters import Parameters
+from fleet_mavlink.state import VehicleState
+from fleet_mavlink.vehicle import Vehicle
+
+_OUTPUTS = tuple(f"SERVO{number}_FUNCTION" for number in range(1, 5))
+_STEERED = 26  # ground steering
+_TURNING = frozenset({73, 74, 33, 34, 35, 36})  # throttle left and right; the motors of an omni frame
+_FOREVER, _AGAIN = 3600.0, 10.0  # s
+
+
+class Steering:
+    """Steering of one vehicle, read at each connect and after each reboot."""
+
+    def __init__(self, vehicle: Vehicle, parameters: Parameters) -> None:
+        self._vehicle = vehicle
+        self._parameters = parameters
+
+    async def keep(self) -> None:
+        """Read it, again after a reboot, until cancelled; nothing to do for what has no steering."""
+        vehicle = self._vehicle
+        while True:
+            while not await vehicle.until(self._is_met, _FOREVER):
+                vehicle.log.debug("nothing that steers is met")
+            reboots, wait = vehicle.state.reboots, _FOREVER
+            try:
+                found = await self._parameters.read(_OUTPUTS)
+            except CommandError as error:
+                vehicle.log.info("it does not tell how it steers: %s", error)
+                wait = _AGAIN if error.device_result is None else _FOREVER
+            else:
+                vehicle.turns_in_place = turns_in_place(int(each.value) for each in found)
+            await vehicle.restarted(reboots, wait)
+
+    def _is_met(self, state: VehicleState) -> bool:
+        """Return whether it answers, and moves on the surface."""
+        return state.on_the_surface and self._vehicle.connected and self._vehicle.flavour is not None
+
+
+def turns_in_place(functions: Iterable[int]) -> bool | None:
+    """Return whether a vehicle whose outputs have these functions turns where it stands, None: unknown."""
+    had = frozenset(functions)
+    if had & _TURNING:
+        return True
+    return False if _STEERED in had else None

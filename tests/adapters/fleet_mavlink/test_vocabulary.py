@@ -1,0 +1,109 @@
+"""The vocabulary for each type of vehicle: what is there works or says why not, what is not is refused."""
+
+import asyncio
+
+import pytest
+
+from fleet import FlyMission, GeoPoint, Goal, GoTo, PlanItem, Unsupported, Vector3, Velocity
+from fleet.errors import CommandError
+from fleet.wire.commands import VERBS as HOSTS_VERBS
+from fleet_mavlink.adapter import MavlinkAdapter
+from fleet_mavlink.constants import ARDUPILOT, PX4
+from fleet_mavlink.messages import Heartbeat
+from fleet_mavlink.vehicle import lacking_of
+from fleet_mavlink.vocabulary import VERBS
+
+SUBMARINE, BOAT = 12, 11
+VEHICLES = {
+    "multirotor on ArduPilot": ("ardupilot", "multirotor", None),
+    "multirotor on PX4": ("px4", "multirotor", None),
+    "rover": ("ardupilot", "rover", None),
+    "boat": ("ardupilot", "rover", BOAT),
+    "not moved": ("ardupilot", "rover", SUBMARINE),
+}
+DATA = {
+    "ascend": {"distance": 1.0},
+    "descend": {"distance": 1.0},
+    "set_home_location": {"latitude": 47.397742, "longitude": 8.545594},
+    "get_parameters": {"names": ["SYSID_THISMAV"]},
+    "set_parameter": {"name": "NO_SUCH_ONE", "value": 1.0},
+    "read_log": {"id": 1},
+    "gimbal_rotate": {"pitch": -10.0},
+    "gimbal_rotate_speed": {"pitch": 10.0},
+    "set_gimbal_pitch": {"pitch": -10.0},
+}
+WAYS = {
+    "move_forward": Velocity(Vector3(1.0, 0.0, 0.0)),
+    "move_backward": Velocity(Vector3(-1.0, 0.0, 0.0)),
+    "strafe_left": Velocity(Vector3(0.0, 1.0, 0.0)),
+    "strafe_right": Velocity(Vector3(0.0, -1.0, 0.0)),
+    "turn_left": Velocity(Vector3(), 0.5),
+    "turn_right": Velocity(Vector3(), -0.5),
+}
+TASKS = {
+    "goto": GoTo(Goal(position=Vector3(3.0, 3.0, 5.0))),
+    "plan": FlyMission("m", (PlanItem("waypoint", GeoPoint(47.3978, 8.5456, 5.0)),)),
+}
+COMMANDS = sorted(MavlinkAdapter.commands())
+MOVING = {
+    "cancel_takeoff",
+    "cancel_landing",
+    "cancel_return_to_home",
+}  # one method: it is told apart by the host
+
+
+def test_the_verbs_are_those_of_the_host():
+    assert list(HOSTS_VERBS) == list(VERBS)
+    assert set(DATA) <= set(COMMANDS)
+
+
+async def tried(it, name):
+    """Do what a name says, for a moment; return why it was refused, empty when it was taken."""
+    try:
+        async with asyncio.timeout(20.0):
+            if name in WAYS:
+                await it.drive(WAYS[name], 0.3)
+            elif name in TASKS:
+                await anext(it.adapter.navigate(TASKS[name]))
+            else:
+                await it.do(name, **DATA.get(name, {}))
+    except CommandError as error:
+        return error.reason if isinstance(error, Unsupported) else ""
+    except TimeoutError:
+        return ""  # it is under way
+    return ""
+
+
+@pytest.mark.parametrize("vehicle", VEHICLES)
+@pytest.mark.parametrize("name", [*WAYS, *TASKS, *COMMANDS])
+def test_each_name_is_taken_or_refused_with_the_words_of_the_table(fly, sky, vehicle, name):
+    flavour, kind, vehicle_type = VEHICLES[vehicle]
+
+    async def main():
+        async with sky(flavour, vehicle=kind) as it:
+            if vehicle_type is not None:
+                it.sim.pilot.vehicle_type = vehicle_type
+            await it.until(lambda: it.robot.is_connected and it.state.home is not None)
+            lacking = it.adapter._session.vehicle.lacking
+            assert it.robot.lacking == lacking
+            it.order.clear()
+            refusal = await tried(it, name)
+            if name in lacking and name not in MOVING:
+                assert refusal == lacking[name]
+                assert 400 not in it.order, "it was not armed"
+                assert not {22, 21, 20, 192} & set(it.order), "nothing that moves it was sent"
+                assert it.setpoints == []
+            elif name not in lacking:
+                assert "not moved" not in refusal
+
+    fly(main())
+
+
+@pytest.mark.parametrize("autopilot", [ARDUPILOT, PX4, 17])
+def test_every_vehicle_has_a_reason_for_each_name_that_it_lacks(autopilot):
+    known = {*VERBS, "goto", "plan", *COMMANDS}
+    for vehicle_type in range(46):
+        lacking = lacking_of(Heartbeat(vehicle_type, autopilot))
+        assert set(lacking) <= known
+        assert all(lacking.values())
+        assert not {"stop", "hover", "emergency_stop"} & set(lacking)
