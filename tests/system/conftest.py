@@ -160,6 +160,7 @@ class Ears:
         self.client.disconnect()
         with contextlib.suppress(AttributeError):  # paho forgets its thread when that ends, which may be now
             self.client.loop_stop()
+        self.client._reset_sockets()  # paho leaves them to the garbage collector
 
 
 class Pilot:

@@ -13,6 +13,7 @@ from cyberwave import Cyberwave
 from cyberwave.twin.factory import create_twin
 
 from fleet.testing.waiting import DEADLINE, wait_until
+from tests.tools.sdk import end
 
 DRONE_ASSET = "dji/mini-4-pro"
 TWIN = "6f0c9a1e-3b1d-4c52-9b7e-0a4f5d6c7b8a"
@@ -110,7 +111,7 @@ def drone(edge, backend, broker, monkeypatch):
     }
     client.mqtt.connect()  # the SDK stamps a command before it connects: a slow connect would age the first
     yield create_twin(client, data, registry_id=DRONE_ASSET), client, backend[1]
-    client.disconnect()
+    end(client)
 
 
 def test_the_sdk_takes_off_moves_navigates_and_lands(edge, drone):

@@ -11,6 +11,7 @@ from cyberwave import Cyberwave
 from cyberwave.twin.factory import create_twin
 
 from fleet.testing.waiting import wait_until
+from tests.tools.sdk import end
 
 TWIN = "6f0c9a1e-3b1d-4c52-9b7e-0a4f5d6c7b8b"
 SQUARE = ((0.6, 0.0), (0.6, 0.6), (0.0, 0.6), (0.0, 0.0))
@@ -56,7 +57,7 @@ def beast(fleet, ears, broker, device, tmp_path, monkeypatch):  # noqa: PLR0917 
         "metadata": {"controller_type": "teleop"},
     }
     yield create_twin(client, data, registry_id="waveshare/ugv-beast"), listener
-    client.disconnect()
+    end(client)
 
 
 def test_the_sdk_drives_it_and_a_square_of_goals_closes(beast):
