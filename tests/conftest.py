@@ -13,6 +13,7 @@ from pathlib import Path
 import pytest
 from hypothesis import HealthCheck, settings
 
+from fleet.runtime import interpreter
 from fleet.runtime.event_loop import BackgroundLoop, FleetLoop
 from fleet.sim.broker import BrokerThread
 
@@ -58,6 +59,14 @@ def _state_home(tmp_path_factory):
     """Keep the lasting state of all edges, those in processes of their own too, away from the user's."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("XDG_STATE_HOME", str(tmp_path_factory.mktemp("state")))
+        yield
+
+
+@pytest.fixture(scope="session", autouse=True)
+def _no_collection_for_each_edge():
+    """Let an edge begin without collecting the garbage of all tests, a third of a second each time."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(interpreter, "collect_garbage", lambda: None)
         yield
 
 

@@ -21,7 +21,7 @@ from fleet.host.process.side_program import SideProgram
 
 log = logging.getLogger(__name__)
 
-START_WITHIN = 20.0  # s
+START_WITHIN = 60.0  # s; an overloaded computer takes 15
 LOOK = 0.05  # s between looks whether it serves
 EXTRA = "the console needs its extra: pip install 'zenoh-fleet[console]' (here: uv sync --extra console)"
 

@@ -51,13 +51,18 @@ def interpreter_settings(
             sys.setswitchinterval(switch_interval)
         if young is not None:
             gc.set_threshold(young, *gc.get_threshold()[1:])
-        gc.collect()
+        collect_garbage()
         gc.freeze()
         if not collect:
             gc.disable()
         yield
     finally:
         _release()
+
+
+def collect_garbage() -> None:
+    """Free what nothing refers to any more, so that it is not kept for ever."""
+    gc.collect()
 
 
 def freeze_new_objects() -> None:

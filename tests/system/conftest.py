@@ -42,6 +42,9 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
             item.add_marker(pytest.mark.real_time)
 
 
+STARTS_WITHIN = 150.0  # s for all robots of a demo on a computer that does much else
+
+
 class Running:
     """A ``fleet`` process: its lines, and how it ends."""
 
@@ -84,7 +87,7 @@ class Running:
             return found if found and holds(found) else None
 
         try:
-            return wait_until(f"{name} {what}", state)
+            return wait_until(f"{name} {what}", state, within=STARTS_WITHIN)
         except AssertionError as error:
             raise AssertionError(
                 f"{error}; last {self.states.get(name)}; " + "\n".join(self.errors[-20:])
@@ -160,6 +163,7 @@ class Ears:
         self.client.disconnect()
         with contextlib.suppress(AttributeError):  # paho forgets its thread when that ends, which may be now
             self.client.loop_stop()
+        self.client._reset_sockets()  # paho leaves them to the garbage collector
 
 
 class Pilot:

@@ -17,6 +17,7 @@ from cyberwave_contracts import MODELS_BY_CONTRACT_ID
 
 from fleet.testing.waiting import wait_until
 from tests.tools.asker import PUPPETS
+from tests.tools.sdk import end
 
 TWIN, OTHER = "6f0c9a1e-3b1d-4c52-9b7e-0a4f5d6c7ba1", "6f0c9a1e-3b1d-4c52-9b7e-0a4f5d6c7ba2"
 PLACE = "6f0c9a1e-3b1d-4c52-9b7e-0a4f5d6c7bb0"
@@ -52,7 +53,7 @@ class Outside:
         self.bus.publish(channel, message)
 
     def close(self):
-        self.sdk.disconnect()
+        end(self.sdk)
         self.backend.close()
 
 
@@ -232,7 +233,7 @@ def test_an_edge_is_configured_by_the_environment_of_the_sdk_and_keeps_to_its_pr
     ask = functools.partial(sdk.request_command, TWIN, "poke", source_type="tele", timeout_s=30.0)
     answer = ask({"number": 2})
     assert answer["status"] == "accepted", answer.get("reason", answer)
-    sdk.disconnect()
+    end(sdk)
     topics = {at for at, message in listener.heard if message.get("session_id") == session}
     assert {at for at in topics if not at.startswith(("localcyberwave/", "localedges/"))} == set()
     unprefixed = [message for at, message in listener.heard if at == f"cyberwave/twin/{TWIN}/command"]

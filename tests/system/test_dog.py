@@ -8,6 +8,7 @@ import pytest
 from cyberwave import Cyberwave
 
 from fleet.testing.waiting import wait_until
+from tests.tools.sdk import end
 
 TWIN = "6f0c9a1e-3b1d-4c52-9b7e-0a4f5d6c7b8d"
 
@@ -79,7 +80,7 @@ def operator(fleet, ears, broker, tmp_path, monkeypatch):
     )
     client.mqtt.connect()
     yield Operator(client, listener)
-    client.disconnect()
+    end(client)
 
 
 @pytest.mark.timeout(300)

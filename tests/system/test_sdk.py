@@ -13,6 +13,7 @@ from cyberwave import Cyberwave
 from cyberwave.twin.factory import create_twin
 
 from fleet.testing.waiting import DEADLINE, wait_until
+from tests.tools.sdk import drive, end
 
 DRONE_ASSET = "dji/mini-4-pro"
 TWIN = "6f0c9a1e-3b1d-4c52-9b7e-0a4f5d6c7b8a"
@@ -110,7 +111,7 @@ def drone(edge, backend, broker, monkeypatch):
     }
     client.mqtt.connect()  # the SDK stamps a command before it connects: a slow connect would age the first
     yield create_twin(client, data, registry_id=DRONE_ASSET), client, backend[1]
-    client.disconnect()
+    end(client)
 
 
 def test_the_sdk_takes_off_moves_navigates_and_lands(edge, drone):
@@ -124,14 +125,13 @@ def test_the_sdk_takes_off_moves_navigates_and_lands(edge, drone):
     assert height(twin) > 2.5
 
     before = twin.get_pose()["position"]
-    twin.move_forward(1.0)
-    wait_until("a metre forward", lambda: apart(twin.get_pose()["position"], before) > 0.5)
-    before = yaw(twin)
-    twin.turn_left(0.8)
-    wait_until("a turn to the left", lambda: turned(yaw(twin), before) > 0.3)
 
-    # A verb ends with a stop, on the SDK's connection; a goal comes on another, and may overtake it there.
-    wait_until("the ends of both verbs", lambda: len(answers(ears, "stop")) == 2)
+    def stops():
+        return len(answers(ears, "stop"))
+
+    drive(lambda: twin.move_forward(1.0), lambda: apart(twin.get_pose()["position"], before) > 0.5, stops)
+    heading = yaw(twin)
+    drive(lambda: twin.turn_left(0.8), lambda: turned(yaw(twin), heading) > 0.3, stops)
     goal = twin.navigation.goto([2.0, 1.0, 4.0])
     assert twin.navigation.wait_for_completion(goal["action_id"])["status"] == "completed"
     assert apart(twin.get_pose()["position"], {"x": 2.0, "y": 1.0, "z": 4.0}) < 1.0

@@ -11,6 +11,7 @@ from cyberwave import Cyberwave
 from cyberwave.twin.factory import create_twin
 
 from fleet.testing.waiting import wait_until
+from tests.tools.sdk import drive, end
 
 TWIN = "6f0c9a1e-3b1d-4c52-9b7e-0a4f5d6c7b8b"
 SQUARE = ((0.6, 0.0), (0.6, 0.6), (0.0, 0.6), (0.0, 0.0))
@@ -56,21 +57,19 @@ def beast(fleet, ears, broker, device, tmp_path, monkeypatch):  # noqa: PLR0917 
         "metadata": {"controller_type": "teleop"},
     }
     yield create_twin(client, data, registry_id="waveshare/ugv-beast"), listener
-    client.disconnect()
+    end(client)
 
 
 def test_the_sdk_drives_it_and_a_square_of_goals_closes(beast):
     twin, ears = beast
     wait_until("a pose", twin.get_pose)
     start = place(twin)
-    twin.move_forward(0.3)
-    wait_until("forward", lambda: math.dist(place(twin), start) > 0.1)
-    # Each way of the SDK ends in a stop of its own, which would end the next one, too, if it came late; and
-    # which gives the robot back to who comes next.
-    wait_until("its stop is answered", lambda: stops_answered(ears) == 1)
-    twin.move_backward(0.3)
-    wait_until("back", lambda: math.dist(place(twin), start) < 0.1)
-    wait_until("both stops are answered", lambda: stops_answered(ears) == 2)
+
+    def stops():
+        return stops_answered(ears)
+
+    drive(lambda: twin.move_forward(0.3), lambda: math.dist(place(twin), start) > 0.1, stops)
+    drive(lambda: twin.move_backward(0.3), lambda: math.dist(place(twin), start) < 0.1, stops)
     action = uuid.uuid4().hex
     waypoints = [{"id": str(n), "position": {"x": x, "y": y, "z": 0}} for n, (x, y) in enumerate(SQUARE)]
     goal = {"command": "path", "action_id": action, "waypoints": waypoints, "source_type": "tele"}

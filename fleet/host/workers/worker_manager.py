@@ -27,7 +27,7 @@ from fleet.supervisor.sockets import VARIABLE
 
 log = logging.getLogger(__name__)
 
-START_WITHIN = 20.0  # s from the start of the process to its first beat
+START_WITHIN = 60.0  # s from the start of the process to its first beat; an overloaded computer takes 15
 SILENT_AFTER = 1.5  # s without a beat after which a worker counts as hung
 LOOK = 0.25  # s between looks
 HALT_WITHIN = 0.5  # s that a worker that hangs gets to halt its robots before it is killed

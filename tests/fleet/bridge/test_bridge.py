@@ -18,6 +18,7 @@ from fleet.testing.waiting import wait_until
 from fleet.wire.databus import encode_report
 from fleet.wire.rulebook import of_a_twin, rulebook
 from fleet.wire.rules import INWARD, NOT_OF_A_TWIN, TrafficClass
+from tests.tools.sdk import end
 
 TWIN = "6f0c9a1e-8d2b-4c57-9a39-2f4a1d0b7c11"
 OTHER = "6f0c9a1e-8d2b-4c57-9a39-2f4a1d0b7c12"
@@ -210,7 +211,7 @@ def test_a_request_of_the_sdk_gets_its_answer(bridge, port, rex):
     try:
         answer = sdk.request_command(TWIN, "takeoff", {"altitude": 2.0}, timeout_s=30.0)
     finally:
-        sdk.disconnect()
+        end(sdk)
     assert (answer["status"], answer["reason"], answer["device_result"]) == (
         "denied",
         "no GPS",

@@ -18,6 +18,7 @@ from fleet.host.edge.cloud_workflows import ENDS
 from fleet.missions.state import RunOutcome
 from fleet.wire.rules import WORKFLOW_CANCEL, WORKFLOW_RUN
 from fleet.wire.topics import Topic
+from tests.tools import sdk
 
 HERE = {"worker": "main", "accepts": {"mission": ["tele"], "command": ["tele"]}}
 WORKFLOW, OTHER = "6f0c9a1e-0000-4000-8000-00000000cccc", "6f0c9a1e-0000-4000-8000-00000000dddd"
@@ -159,7 +160,7 @@ async def test_the_sdk_starts_a_mapped_workflow_and_hears_of_no_other(place, bro
             client.publish(manual_trigger_topic(workflow), envelope)
         await asks.until(lambda: len(heard) == 2)
         client.publish(workflow_cancel_topic(OTHER), {"execution_uuid": RUN})
-        await asyncio.to_thread(client.disconnect)
+        await asyncio.to_thread(sdk.end, client)
     assert [(each.get("execution_uuid"), each.get("status")) for each in heard] == [
         (RUN, None),
         (None, "success"),

@@ -141,8 +141,7 @@ class Guest:
         """Leave nothing behind, however the test ended."""
         self.paho.disconnect()
         self.hush()
-        self.paho._sock_close()
-        self.paho._reset_sockets(sockpair_only=True)
+        self.paho._reset_sockets()
 
     def _wire(self):
         """Put paho's callbacks where tests can wait for them."""

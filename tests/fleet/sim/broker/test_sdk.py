@@ -9,6 +9,8 @@ from cyberwave.mqtt.command_response import (
     publish_command_response,
 )
 
+from tests.tools.sdk import end
+
 TWIN = "6f0c9a1e-8d2b-4c57-9a39-2f4a1d0b7c11"
 
 
@@ -20,9 +22,7 @@ def sdk(broker):
     )
     client.connect()
     yield client
-    client.disconnect()
-    client.client._sock_close()
-    client.client._reset_sockets(sockpair_only=True)
+    end(client)
 
 
 def test_a_command_gets_its_answer(sdk, broker, guests):
