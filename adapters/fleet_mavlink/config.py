@@ -122,6 +122,11 @@ class MavlinkConfig(AdapterConfig):
         seconds: float | None = getattr(self.timeouts, command, None) if command in _TIMED else None
         return seconds
 
+    def plans(self) -> frozenset[str]:
+        """Return for what a plan may be made: of a simulated vehicle its autopilot is known."""
+        autopilots = {SimSpec.parse(self.link).flavour} if self.simulated else {"ardupilot", "px4"}
+        return frozenset({"multirotor", *autopilots})
+
     @property
     def keeping(self) -> Keeping:
         """How the autopilot's fail-safe parameters are handled."""

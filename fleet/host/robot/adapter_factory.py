@@ -12,6 +12,7 @@ import msgspec
 from fleet.adapter import Adapter, FrameAdapter, Robot
 from fleet.commands import CommandSpec, arguments
 from fleet.host.robot.frame_adapter_runner import FrameAdapterRunner
+from fleet.missions.plan import AUTOPILOTS
 from fleet.model.command import Command
 from fleet.model.geometry import Velocity
 from fleet.model.navigation import FlyMission, Task
@@ -37,6 +38,7 @@ class Capabilities(msgspec.Struct, frozen=True):
     combines_keys: bool = False
     moves_joints: bool = False
     lacking: dict[str, str] = {}
+    plans: frozenset[str] = frozenset()  # what missions may be made for; none: anything
 
     def command(self, name: str) -> CommandSpec | None:
         """Return a declared command, None for one that this robot does not have."""
@@ -88,15 +90,22 @@ class Capabilities(msgspec.Struct, frozen=True):
         return f"it takes {', '.join(sorted(self.commands)) or 'no commands'}"
 
 
-def timed(can: Capabilities, config: AdapterConfig) -> Capabilities:
-    """Return one robot's own capabilities: its commands are given up when its config says so."""
+def configured(can: Capabilities, config: AdapterConfig) -> Capabilities:
+    """Return one robot's own capabilities: when its commands are given up, which plans it flies."""
     commands = {
         name: spec
         if (limit := config.timeout_of(name)) is None
         else msgspec.structs.replace(spec, timeout=limit)
         for name, spec in can.commands.items()
     }
-    return msgspec.structs.replace(can, commands=commands, lacking={})
+    return msgspec.structs.replace(can, commands=commands, lacking={}, plans=config.plans())
+
+
+def on_autopilot(can: Capabilities, autopilot: str) -> Capabilities:
+    """Return capabilities once the robot has told its autopilot: plans made for another are not flown."""
+    if autopilot not in can.plans:
+        return can
+    return msgspec.structs.replace(can, plans=can.plans - (AUTOPILOTS - {autopilot}))
 
 
 @functools.lru_cache(maxsize=64)  # a thousand robots of one kind share it
