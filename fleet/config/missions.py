@@ -17,6 +17,7 @@ import msgspec
 from fleet.config.explain import validated
 from fleet.config.inner_missions import InnerCheck
 from fleet.config.mission_files import with_files
+from fleet.config.mission_follow import follow_problems
 from fleet.config.problems import InvalidConfig, Path
 from fleet.config.text import nearest
 from fleet.config.yaml import Document, read
@@ -303,6 +304,8 @@ class _Check:
                 self._act(act, role, (*where, key, role))
         if step.do is not None and step.finish not in {"all", "any", *step.do}:
             self._no_role((*where, "finish"), step.finish)
+        for problem in follow_problems(step, self._mission):
+            self.report((*where, *problem.path), problem.message, problem.hint)
         self._not_a_repeated(step.robot_failed.do, (*where, "robot_failed", "do"))
 
     def _role(self, name: str, where: Path) -> None:

@@ -24,6 +24,8 @@ def message_of(act: Act, identity: str, robot: RobotState, site: SiteMap) -> tup
     message: dict[str, Any] = {"command": act.verb, "action_id": identity}
     if act.speed is not None:
         message["constraints"] = {"max_speed_ms": act.speed}
+    if act.verb == "follow":
+        return "navigate", message | {"robot": act.value, **act.data}
     if act.verb == "goto":
         return "navigate", message | site.position(act.value, robot)
     return "navigate", message | {"waypoints": [site.position(each, robot) for each in act.value]}

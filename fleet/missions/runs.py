@@ -19,7 +19,7 @@ import msgspec
 from fleet.clock import Clock
 from fleet.config.missions import Mission
 from fleet.errors import Refused
-from fleet.missions.engine import Engine
+from fleet.missions.engine import PAUSABLE, Engine
 from fleet.missions.filling import Filling, members_of, needs_of
 from fleet.missions.points import SiteMap
 from fleet.missions.program import Act, Do, Program
@@ -184,7 +184,7 @@ class Runs:
         needs = needs_of(program)
         for role, robots in roles.items():
             need = needs.get(role.removeprefix(spare_of("")), frozenset())
-            leads = bool(need & {"goto", "path", "plan"})
+            leads = bool(need & PAUSABLE)
             for robot in robots:
                 refusal = self._allowed(robot, origin, True, leads)
                 if refusal:

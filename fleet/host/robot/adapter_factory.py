@@ -15,7 +15,7 @@ from fleet.host.robot.frame_adapter_runner import FrameAdapterRunner
 from fleet.missions.plan import AUTOPILOTS
 from fleet.model.command import Command
 from fleet.model.geometry import Velocity
-from fleet.model.navigation import FlyMission, Task
+from fleet.model.navigation import AnyTask, FlyMission, FollowRobot
 from fleet.robot_config import AdapterConfig, Limits, Separation
 from fleet.wire.commands import VERBS
 
@@ -68,11 +68,18 @@ class Capabilities(msgspec.Struct, frozen=True):
         """Why the robot takes no joint targets at all; None when it takes some."""
         return None if self.moves_joints else "it takes no joint targets"
 
-    def cannot(self, task: Task) -> str | None:
+    def cannot(self, task: AnyTask) -> str | None:
         """Return why the robot cannot carry out such a task at all; None when it can."""
         if isinstance(task, FlyMission) and not self.navigates:
             return "it carries out no missions: it has no autopilot with a memory for them; send it goals"
+        if isinstance(task, FollowRobot) and not self.drives:
+            return "it takes no velocities, so that it cannot be led after another robot"
         return self.lacking.get("plan" if isinstance(task, FlyMission) else "goto")
+
+    def on(self, autopilot: str) -> Capabilities:
+        """Return these once the robot has told its autopilot: plans made for another are not flown."""
+        others = AUTOPILOTS - {autopilot} if autopilot in self.plans else frozenset[str]()
+        return msgspec.structs.replace(self, plans=self.plans - others)
 
     @property
     def moves(self) -> bool:
@@ -99,13 +106,6 @@ def configured(can: Capabilities, config: AdapterConfig) -> Capabilities:
         for name, spec in can.commands.items()
     }
     return msgspec.structs.replace(can, commands=commands, lacking={}, plans=config.plans())
-
-
-def on_autopilot(can: Capabilities, autopilot: str) -> Capabilities:
-    """Return capabilities once the robot has told its autopilot: plans made for another are not flown."""
-    if autopilot not in can.plans:
-        return can
-    return msgspec.structs.replace(can, plans=can.plans - (AUTOPILOTS - {autopilot}))
 
 
 @functools.lru_cache(maxsize=64)  # a thousand robots of one kind share it

@@ -18,13 +18,7 @@ from fleet.host.requests.history_recorder import HistoryRecorder, never_raises
 from fleet.host.requests.receipt import Receipt
 from fleet.host.requests.stop_cause import StopCause
 from fleet.host.requests.unrequested_events import UnrequestedEvents
-from fleet.host.robot.adapter_factory import (
-    AdapterClass,
-    capabilities,
-    configured,
-    create_adapter,
-    on_autopilot,
-)
+from fleet.host.robot.adapter_factory import AdapterClass, capabilities, configured, create_adapter
 from fleet.host.robot.adapter_runner import AdapterRunner
 from fleet.host.robot.command_descriptions import description
 from fleet.host.robot.controller import RobotController
@@ -334,7 +328,7 @@ class LocalRobot:
         return description(
             self.name,
             self._adapter,
-            on_autopilot(self._can, self._seen.autopilot),
+            self._can.on(self._seen.autopilot),
             own=self.controller.own,
             limits=self._limits,
             fence=self.controller.guard.fence,

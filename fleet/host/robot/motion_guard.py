@@ -12,7 +12,7 @@ from collections.abc import Iterable
 from typing import Protocol
 
 from fleet.clock import Clock
-from fleet.errors import Refused
+from fleet.errors import CommandError, NotReady, Refused
 from fleet.host.requests.event_reporter import EventReporter
 from fleet.host.requests.receipt import Receipt
 from fleet.host.robot.battery_watch import BatteryWatch
@@ -22,7 +22,7 @@ from fleet.model.command import Command, Reply
 from fleet.model.event import EventKind
 from fleet.model.geodesy import GeoOrigin, GeoPoint, world_from_geo
 from fleet.model.geometry import ZERO_VELOCITY, Pose, Vector3, Velocity, rotate_to_world
-from fleet.model.navigation import FlyMission, FollowPath, Goal, GoTo, RelativeMove, Task
+from fleet.model.navigation import AnyTask, FlyMission, FollowPath, FollowRobot, Goal, GoTo, RelativeMove
 from fleet.model.polygon import Polygon
 from fleet.model.report import BatteryReport, FlightControllerReport, PoseReport, Report
 from fleet.robot_config import AdapterConfig, FenceConfig, Limits
@@ -206,8 +206,10 @@ class MotionGuard:
             return f"it is {self._trouble}"
         return (self._battery.start_trouble() or None) if self._battery else None
 
-    def task(self, task: Task | None) -> str | None:
+    def task(self, task: AnyTask | None) -> str | None:
         """Return why a task may not begin, or go on, None when it may, or is none."""
+        if isinstance(task, FollowRobot):
+            return self._follow_trouble(task)
         shares = self.apart is not None and self.apart.is_judged
         if task is None or (self._battery is None and self._unfenced and not shares):
             return None
@@ -225,14 +227,33 @@ class MotionGuard:
             trouble = self.apart.task_trouble(task, points)
         return trouble or None
 
-    def points(self, task: Task) -> tuple[Vector3, ...]:
+    def _follow_trouble(self, task: FollowRobot) -> str | None:
+        """Return why the robot may not be led after another one, None when it may."""
+        try:
+            self.other(task.robot)
+        except CommandError as error:
+            return str(error)
+        if self._trouble:
+            return f"it is {self._trouble}"
+        return (self._battery.start_trouble() or None) if self._battery is not None else None
+
+    def other(self, name: str) -> tuple[Vector3, float]:
+        """Return where another robot was last, in this one's world, and how many seconds ago.
+
+        Raises NotReady where nobody knows.
+        """
+        if self.apart is None:
+            raise NotReady("it is not placed among other robots, so that it cannot follow one")
+        return self.apart.other(name)
+
+    def points(self, task: AnyTask) -> tuple[Vector3, ...]:
         """Return where a task leads in the robot's world, nowhere while that is unknown."""
         try:
             return self._way(task)[1]
         except Refused:
             return ()
 
-    def means(self, task: Task | None) -> None:
+    def means(self, task: AnyTask | None) -> None:
         """Note where a task leads that the robot is prepared for: others keep away; None: nowhere."""
         if self.apart is not None:
             self.apart.means(() if task is None else self.points(task))
@@ -296,7 +317,7 @@ class MotionGuard:
         if self.apart is not None:
             self.apart.world_is(world)
 
-    def _way(self, task: Task) -> tuple[Vector3, tuple[Vector3, ...]]:
+    def _way(self, task: AnyTask) -> tuple[Vector3, tuple[Vector3, ...]]:
         """Return where a task begins and where it leads; raises Refused while that is unknown."""
         pose = self._fresh()
         if pose is None or self.fence is None:
@@ -309,6 +330,8 @@ class MotionGuard:
                 return pose.position, points if task.loops == 1 else (*points, *points[:1])
             case FlyMission():
                 return pose.position, tuple(self._points_of(task))
+            case FollowRobot():  # nobody knows where the other one goes; its velocities are judged
+                return pose.position, ()
         step = task.translation
         if task.body_frame:
             step = rotate_to_world(step, pose.rotation.yaw)
@@ -331,7 +354,7 @@ class MotionGuard:
             raise Refused("a place on Earth needs an origin in fleet.yaml, or a home")
         return world_from_geo(world, goal.geo)
 
-    def _speed(self, task: Task) -> float | None:
+    def _speed(self, task: AnyTask) -> float | None:
         """Return the speed of a task, None when nobody says."""
         return task.constraints.max_speed or self._limits.speed
 

@@ -14,7 +14,7 @@ from typing import Protocol
 import msgspec
 
 from fleet.clock import Clock
-from fleet.errors import CommandError, LinkError
+from fleet.errors import CommandError, LinkError, NotReady
 from fleet.host.requests.event_reporter import EventReporter
 from fleet.host.safety.separation import (
     Occupant,
@@ -29,10 +29,11 @@ from fleet.host.safety.separation import (
 from fleet.model.event import EventKind
 from fleet.model.geodesy import GeoOrigin
 from fleet.model.geometry import ZERO_VELOCITY, Pose, Vector3, Velocity, rotate_to_world
-from fleet.model.navigation import FollowPath, Task
+from fleet.model.navigation import AnyTask, FollowPath
 from fleet.model.site import Placement, placed_at_start
 from fleet.robot_config import AdapterConfig, Limits, Separation
 
+LOST = 2.0  # s after which a robot that was not heard of is followed no more
 LOOK = 0.1  # s between looks at the others while it moves
 STALE = 2 * LOOK  # s after which a look is too old for a velocity
 JUDGED = 0.05  # s for which what was found of a velocity is so of those that are alike
@@ -58,6 +59,9 @@ class OtherRobots(Protocol):
     def others(self, name: str) -> Sequence[Occupant]:
         """Return all robots but one whose place is known in the frame of that one."""
 
+    def seen(self, name: str, other: str) -> Occupant | None:
+        """Return a robot in the frame of one; None where nobody knows."""
+
     def near(self, name: str, at: Vector3, reach: float) -> tuple[Occupant, ...]:
         """Return those of them that may be met before long, by how far each may go."""
 
@@ -69,7 +73,7 @@ class MovingRobot(Protocol):
     def in_motion(self) -> bool:
         """True while the robot moves, or may move, because of us."""
 
-    def doing(self) -> tuple[Task, int] | None:
+    def doing(self) -> tuple[AnyTask, int] | None:
         """Return the task under way, and how many of its goals are behind."""
 
     def end(self, why: str) -> None:
@@ -139,7 +143,7 @@ class SeparationKeeper:
         mover: MovingRobot,
         led: bool,
         held: Callable[[], Velocity],
-        points: Callable[[Task], Sequence[Vector3]],
+        points: Callable[[AnyTask], Sequence[Vector3]],
         event_reporter: EventReporter,
     ) -> None:
         self.name = config.name
@@ -166,7 +170,7 @@ class SeparationKeeper:
         self._yaw = 0.0
         self._seen = 0.0
         self._velocity = MeasuredVelocity()
-        self._task: Task | None = None
+        self._task: AnyTask | None = None
         self._way: tuple[Vector3, ...] = ()
         self._down: tuple[Vector3, ...] = ()  # the way of a landing that is under way
         self._meant: tuple[Vector3, ...] = ()  # the way that it is prepared for
@@ -270,9 +274,20 @@ class SeparationKeeper:
         assert self.placement is not None
         return tuple(map(self.placement.to_site, points))
 
+    def other(self, name: str) -> tuple[Vector3, float]:
+        """Return where another robot was last, in this one's world, and its age (s); raises NotReady."""
+        if self.placement is None:
+            raise NotReady(f"{self.name} is not placed in the site's frame, and cannot follow {name}")
+        found = None if name == self.name else self._others.seen(self.name, name)
+        if found is None:
+            raise NotReady(f"nobody knows where {name} is in the frame of {self.name}")
+        if found.age > LOST:
+            raise NotReady(f"{name} has not told where it is for {found.age:.1f} s")
+        return self.placement.to_world(found.at), found.age
+
     # -- what may be asked of it -----------------------------------------------------------------------
 
-    def task_trouble(self, task: Task, points: Sequence[Vector3]) -> str:
+    def task_trouble(self, task: AnyTask, points: Sequence[Vector3]) -> str:
         """Return why the robot may not be sent through these points of its world, empty when it may."""
         robot = self.occupant()
         if robot is None or self.placement is None:
