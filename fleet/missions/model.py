@@ -151,7 +151,9 @@ class RoleConfig(_Words):
 
     from_: Name | None = Field(None, alias="from", description="A group or a robot. Left out: any robot.")
     kind: Name | None = Field(None, description="Only robots of this adapter.")
-    can: tuple[str, ...] = Field((), description="Commands that they must take; goto, path, plan and follow too.")
+    can: tuple[str, ...] = Field(
+        (), description="Commands that they must take; goto, path, plan and follow too."
+    )
     spares: int = Field(
         0,
         ge=0,

@@ -188,7 +188,8 @@ class Steps:
         parts = self.robots.parts_of(self.name)
         active = [part for part in parts if part.inflight]
         through = _is_through(step, parts, self.robots)
-        for part in active if through else ():
+        led = all(part.act.verb == "follow" for part in active)  # they go on until nobody else does
+        for part in active if through or led else ():
             if not self.robots.comes_down(part.robot):
                 outcome = Outcome.DONE if part.act.verb == "follow" else Outcome.SKIPPED
                 self.robots.end(part, outcome, "ended with the step", self.losses.now)
@@ -292,10 +293,9 @@ class Steps:
 
 def _is_through(step: Do, parts: list[Part], robots: RunRobots) -> bool:
     """Return whether those that the step depends on are through, so that the others are ended."""
-    if step.finish == "all":  # those who follow go on until nobody else does
-        verbs = {part.act.verb for part in parts if part.inflight}
-        return verbs == {"follow"}
-    done = [part for part in parts if part.outcome is Outcome.DONE]
+    if step.finish == "all":
+        return False
+    done = [part for part in parts if part.outcome is Outcome.DONE and part.act.verb != "follow"]
     if step.finish == "any":
         return bool(done)
     waits = any(part.inflight and robots.plays(part.robot, step.finish) for part in parts)
