@@ -25,7 +25,7 @@ def follow_problems(step: StepConfig, mission: MissionConfig) -> Iterator[Follow
         if act.follow is not None:
             yield FollowProblem(("undo", role, "follow"), "to follow undoes nothing", "say where it goes")
     for role, act in acts.items():
-        trouble = act.follow and _trouble(act.follow, mission) or _way_back(role, acts)
+        trouble = (act.follow and _trouble(act.follow, mission)) or _way_back(role, acts)
         if act.follow is not None and trouble:
             hint = "one robot is followed, which does something else in the same step"
             yield FollowProblem(("do", role, "follow"), trouble, hint)

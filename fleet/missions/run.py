@@ -33,6 +33,7 @@ from fleet.missions.state import (
     Note,
     Occupy,
     Outcome,
+    Phase,
     Prepare,
     Prepared,
     Replied,
@@ -159,6 +160,13 @@ class Run:
         follow = partial(self._recorded, effects, new)
         around.store.save(change, lambda kept: around.soon(partial(follow, kept)))
         around.changed(self)
+
+    @property
+    def starting(self) -> str:
+        """Why it cannot be paused now: its robots are about to begin together; empty when they are not."""
+        if self.engine.head.phase is Phase.PREPARING or self._together.begins:
+            return "its robots are about to begin together: pause it once they have, or abort it now"
+        return ""
 
     def turn(self) -> None:
         """Look at the robots, and let time pass."""

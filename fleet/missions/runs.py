@@ -270,6 +270,8 @@ class Runs:
                 return "it asks nothing" if question is None else "it asks something else by now"
             found.take(Answer(question.id, ask.goes_on, ask.session_id))
             return ""
+        if ask.do == "pause" and found.starting:
+            return found.starting
         before = found.engine.head.phase
         found.take(_CONTROLS[ask.do](ask.session_id))
         question = found.engine.head.question

@@ -89,7 +89,7 @@ def flown(tmp_path, role, *links, firmware=12, vehicle=2):
 
 
 def test_a_plan_for_another_autopilot_than_the_robots_is_an_error_with_its_place(tmp_path):
-    why = r"fleet.yaml:\d+:\d+: .*plan.*it was made for px4 multirotor, which kestrel is not: no robot of the role"
+    why = r"fleet.yaml:\d+:\d+: .*it was made for px4 multirotor, which kestrel is not: no robot of the role"
     with pytest.raises(InvalidConfig, match=why):
         flown(tmp_path, {}, "sim:ardupilot")
 

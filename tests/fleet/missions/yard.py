@@ -174,12 +174,13 @@ class Yard:
             for call in calls:
                 call()
 
-    def start(self, mission=MISSION, *, run="3f2a", way=Transport.BUS, others=None, **fields):
+    def start(self, mission=MISSION, *, run="3f2a", way=Transport.BUS, others=None, settles=True, **fields):
         began = []
         ask = StartAsk(run=run, session_id="anna", **fields)
         found = mission_of("patrol", mission, others)
         self.runs.start(found, found.program({}), ask, way, lambda *given: began.append(given))
-        self.settle()
+        if settles:
+            self.settle()
         return began
 
     def turn(self, seconds=0.2):
