@@ -29,7 +29,7 @@ def follow_problems(step: StepConfig, mission: MissionConfig) -> Iterator[Follow
         if act.follow is not None and trouble:
             hint = "one robot is followed, which does something else in the same step"
             yield FollowProblem(("do", role, "follow"), trouble, hint)
-    ends = acts.get(step.finish)
+    ends = acts.get(step.finish) if step.finish != ALL else None
     if ends is not None and ends.follow is not None:
         hint = "all, any, or a role that does something else"
         yield FollowProblem(("finish",), f"{step.finish} follows, and is never through by itself", hint)

@@ -29,7 +29,7 @@ from fleet.host.safety.separation import (
 from fleet.model.event import EventKind
 from fleet.model.geodesy import GeoOrigin
 from fleet.model.geometry import ZERO_VELOCITY, Pose, Vector3, Velocity, rotate_to_world
-from fleet.model.navigation import AnyTask, FollowPath
+from fleet.model.navigation import AnyTask, FollowPath, FollowRobot
 from fleet.model.site import Placement, placed_at_start
 from fleet.robot_config import AdapterConfig, Limits, Separation
 
@@ -364,7 +364,9 @@ class SeparationKeeper:
         self._notice.expire()
         if not self._near:
             return
-        if not self._held().is_zero or (self._led and self._mover.doing() is not None):
+        doing = self._mover.doing()
+        led = doing is not None and (self._led or isinstance(doing[0], FollowRobot))
+        if led or not self._held().is_zero:
             self._mover.hold_again()
             return
         robot = self.occupant()
