@@ -270,9 +270,10 @@ class Runs:
                 return "it asks nothing" if question is None else "it asks something else by now"
             found.take(Answer(question.id, ask.goes_on, ask.session_id))
             return ""
-        if ask.do == "pause" and found.starting:
-            return found.starting
         before = found.engine.head.phase
+        unpausable = found.together.unpausable(before) if ask.do == "pause" else ""
+        if unpausable:
+            return unpausable
         found.take(_CONTROLS[ask.do](ask.session_id))
         question = found.engine.head.question
         if found.engine.head.phase is before:

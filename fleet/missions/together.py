@@ -54,10 +54,14 @@ class TogetherStep:
         self._step = ""
         self._told: dict[str, Part] = {}  # of robots that are told to begin, and have not said that they do
 
-    @property
-    def begins(self) -> bool:
-        """True while robots are about to begin: one that is paused now might begin all the same."""
-        return any(part.inflight for part in self._told.values())
+    def unpausable(self, phase: Phase) -> str:
+        """Return why a run must not be paused now; empty when it may.
+
+        Robots that are about to begin have nothing yet to hold, and might begin all the same.
+        """
+        if phase is not Phase.PREPARING and not any(part.inflight for part in self._told.values()):
+            return ""
+        return "its robots are about to begin together: pause it once they have, or abort it now"
 
     def prepare(self, robot: str, kind: Kind, message: dict[str, Any], identity: str) -> None:
         """Ask a robot to prepare what it is to begin; the first answer says whether it is."""

@@ -58,7 +58,7 @@ class RobotController:
         clock: Clock,
     ) -> None:
         self.name, self.last = config.name, LastCommand()
-        self._can, self.moves, holonomic = capabilities, capabilities.moves, capabilities.holonomic
+        self._can, self.moves, any_way = capabilities, capabilities.moves, capabilities.holonomic
         limits, combines = config.limits.over(capabilities.limits), capabilities.combines_keys
         self.event_reporter = EventReporter(self.name, publish, clock, in_motion=lambda: self.in_motion)
         self.guard = MotionGuard(config, limits, clock, robot=self, event_reporter=self.event_reporter)
@@ -87,7 +87,9 @@ class RobotController:
             publish=publish, hold=self._settle, crashed=crashed, clock=clock, journal=journal, ready=ready
         )
         self.recall, self.doing = self._navigator.recall, self._navigator.doing  # recall: of earlier actions
-        self._leader = goal_follower_of(config, self._lead, limits, clock, guard.other, holonomic=holonomic)
+        self._leader = goal_follower_of(
+            config, self._lead, limits, clock, guard.others.of, holonomic=holonomic
+        )
         self.see, self.hold_again = self._leader.see, self._driving.hold_again  # see: the poses it is led by
 
     @property

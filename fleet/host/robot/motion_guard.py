@@ -12,11 +12,12 @@ from collections.abc import Iterable
 from typing import Protocol
 
 from fleet.clock import Clock
-from fleet.errors import CommandError, NotReady, Refused
+from fleet.errors import Refused
 from fleet.host.requests.event_reporter import EventReporter
 from fleet.host.requests.receipt import Receipt
 from fleet.host.robot.battery_watch import BatteryWatch
 from fleet.host.robot.separation_keeper import SeparationKeeper
+from fleet.host.robot.whereabouts import Whereabouts
 from fleet.host.safety.fence import Fence
 from fleet.model.command import Command, Reply
 from fleet.model.event import EventKind
@@ -80,6 +81,7 @@ class MotionGuard:
         self.held = ZERO_VELOCITY
         self.taken = False
         self.apart: SeparationKeeper | None = None
+        self.others = Whereabouts()
         self._battery: BatteryWatch | None = None
         if config.battery_policy is not None:
             self._battery = BatteryWatch(
@@ -125,7 +127,7 @@ class MotionGuard:
 
     def share_space(self, apart: SeparationKeeper) -> None:
         """Keep the robot apart from the others from now on."""
-        self.apart = apart
+        self.apart = self.others.among = apart
         apart.world_is(self._world())
 
     def obeyed(self, reply: Reply) -> None:
@@ -160,7 +162,8 @@ class MotionGuard:
 
     def beginning(self, ask: Command) -> str | None:
         """Return why a command may not begin a flight or change its height; None when it may, or does not."""
-        return self._start_trouble(ask.name) or self._climb_trouble(ask) or None
+        begins = self._start_trouble() if ask.name in BEGINNINGS else None
+        return begins or self._climb_trouble(ask) or None
 
     def _tell_landing(self, name: str) -> None:
         """Say that a landing or a way home meets another robot; it goes on all the same."""
@@ -198,10 +201,8 @@ class MotionGuard:
         task = RelativeMove(Vector3(0.0, 0.0, rise), body_frame=False)
         return self.apart.task_trouble(task, (pose.position + task.translation,))
 
-    def _start_trouble(self, name: str) -> str | None:
-        """Return why a command may not begin a flight, None when it may, or begins none."""
-        if name not in BEGINNINGS:
-            return None
+    def _start_trouble(self) -> str | None:
+        """Return why nothing may begin whose way is not known, as a flight; None when it may."""
         if self._trouble:
             return f"it is {self._trouble}"
         return (self._battery.start_trouble() or None) if self._battery else None
@@ -209,7 +210,7 @@ class MotionGuard:
     def task(self, task: AnyTask | None) -> str | None:
         """Return why a task may not begin, or go on, None when it may, or is none."""
         if isinstance(task, FollowRobot):
-            return self._follow_trouble(task)
+            return self.others.trouble(task.robot) or self._start_trouble()
         shares = self.apart is not None and self.apart.is_judged
         if task is None or (self._battery is None and self._unfenced and not shares):
             return None
@@ -226,25 +227,6 @@ class MotionGuard:
         if not trouble and self.apart is not None:
             trouble = self.apart.task_trouble(task, points)
         return trouble or None
-
-    def _follow_trouble(self, task: FollowRobot) -> str | None:
-        """Return why the robot may not be led after another one, None when it may."""
-        try:
-            self.other(task.robot)
-        except CommandError as error:
-            return str(error)
-        if self._trouble:
-            return f"it is {self._trouble}"
-        return (self._battery.start_trouble() or None) if self._battery is not None else None
-
-    def other(self, name: str) -> tuple[Vector3, float]:
-        """Return where another robot was last, in this one's world, and how many seconds ago.
-
-        Raises NotReady where nobody knows.
-        """
-        if self.apart is None:
-            raise NotReady("it is not placed among other robots, so that it cannot follow one")
-        return self.apart.other(name)
 
     def points(self, task: AnyTask) -> tuple[Vector3, ...]:
         """Return where a task leads in the robot's world, nowhere while that is unknown."""

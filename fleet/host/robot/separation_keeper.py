@@ -14,7 +14,7 @@ from typing import Protocol
 import msgspec
 
 from fleet.clock import Clock
-from fleet.errors import CommandError, LinkError, NotReady
+from fleet.errors import CommandError, LinkError
 from fleet.host.requests.event_reporter import EventReporter
 from fleet.host.safety.separation import (
     Occupant,
@@ -33,7 +33,6 @@ from fleet.model.navigation import AnyTask, FollowPath, FollowRobot
 from fleet.model.site import Placement, placed_at_start
 from fleet.robot_config import AdapterConfig, Limits, Separation
 
-LOST = 2.0  # s after which a robot that was not heard of is followed no more
 LOOK = 0.1  # s between looks at the others while it moves
 STALE = 2 * LOOK  # s after which a look is too old for a velocity
 JUDGED = 0.05  # s for which what was found of a velocity is so of those that are alike
@@ -159,7 +158,7 @@ class SeparationKeeper:
         soon = self._fastest * 2 * STALE
         self._reach = self._radius + stopping(self._fastest, self._braking) + soon
         self._clock = clock
-        self._others = others
+        self.others = others
         self._mover = mover
         self._led = led
         self._held = held
@@ -189,14 +188,14 @@ class SeparationKeeper:
     @property
     def is_judged(self) -> bool:
         """True when the robot is placed, and has others to be kept apart from."""
-        return self.placement is not None and not self._others.alone
+        return self.placement is not None and not self.others.alone
 
     # -- where it is -----------------------------------------------------------------------------------
 
     def world_is(self, world: GeoOrigin | None) -> None:
         """Take the place on Earth of the origin of the robot's world; None while nobody knows it."""
         if world is not None and self._start is None:
-            self.placement, self.on_earth = self._others.place(world), True
+            self.placement, self.on_earth = self.others.place(world), True
 
     def charged(self, percent: float | None) -> None:
         """Take how full its battery is: of two alike the fuller one gives way."""
@@ -274,17 +273,6 @@ class SeparationKeeper:
         assert self.placement is not None
         return tuple(map(self.placement.to_site, points))
 
-    def other(self, name: str) -> tuple[Vector3, float]:
-        """Return where another robot was last, in this one's world, and its age (s); raises NotReady."""
-        if self.placement is None:
-            raise NotReady(f"{self.name} is not placed in the site's frame, and cannot follow {name}")
-        found = None if name == self.name else self._others.seen(self.name, name)
-        if found is None:
-            raise NotReady(f"nobody knows where {name} is in the frame of {self.name}")
-        if found.age > LOST:
-            raise NotReady(f"{name} has not told where it is for {found.age:.1f} s")
-        return self.placement.to_world(found.at), found.age
-
     # -- what may be asked of it -----------------------------------------------------------------------
 
     def task_trouble(self, task: AnyTask, points: Sequence[Vector3]) -> str:
@@ -293,7 +281,7 @@ class SeparationKeeper:
         if robot is None or self.placement is None:
             return ""
         way = self._in_site(points)
-        trouble = way_trouble(robot, way, self._others.others(self.name))
+        trouble = way_trouble(robot, way, self.others.others(self.name))
         if not trouble:
             self._task, self._way = task, way
         return trouble
@@ -303,7 +291,7 @@ class SeparationKeeper:
         robot = self.occupant()
         if robot is None or self.placement is None or not points:
             return ""
-        return way_trouble(robot, self._in_site(points), self._others.others(self.name))
+        return way_trouble(robot, self._in_site(points), self.others.others(self.name))
 
     def means(self, points: Sequence[Vector3]) -> None:
         """Note the way that the robot is prepared for, which others keep away from; no points: none."""
@@ -381,7 +369,7 @@ class SeparationKeeper:
         self._judged_by, self._near, self._free = float("-inf"), (), math.inf
         if self.at is None:
             return
-        near = self._others.near(self.name, self.at, self.reach)
+        near = self.others.near(self.name, self.at, self.reach)
         if near and (robot := self.occupant()) is not None:
             self._near = tuple((gap(robot, other, STALE), other) for other in near)
             least = min(free for free, _ in self._near)
