@@ -87,9 +87,7 @@ class RobotController:
             publish=publish, hold=self._settle, crashed=crashed, clock=clock, journal=journal, ready=ready
         )
         self.recall, self.doing = self._navigator.recall, self._navigator.doing  # recall: of earlier actions
-        self._leader = goal_follower_of(
-            config, self._lead, limits, clock, guard.others.of, holonomic=holonomic
-        )
+        self._leader = goal_follower_of(config, self._lead, limits, clock, guard.others.of, holonomic=any_way)
         self.see, self.hold_again = self._leader.see, self._driving.hold_again  # see: the poses it is led by
 
     @property
