@@ -132,6 +132,7 @@ class Yard:
         self.soon = []
         self.starts = []
         self.hindered = {}
+        self.elsewhere = {}
         self.store = None
         self.begin()
 
@@ -160,6 +161,7 @@ class Yard:
             store=self.store,
             clock=self.clock,
             soon=self.soon.append,
+            elsewhere=lambda robot: self.elsewhere.get(robot, ""),
             hindrance=lambda robot, act: self.hindered.get((robot, act.words), ""),
             together=lambda: Start(self),
             stop=lambda robots, why: self.stopped.append(robots),
