@@ -36,6 +36,7 @@ class Robot:
     def __init__(self, name):
         self.name = name
         self.told = []
+        self.messages = []
         self.waiting = {}
         self.refuses = {}
         self.shows = True  # its state says that it has joined a run
@@ -66,6 +67,7 @@ class Robot:
     def _take(self, message, way, request_id, answer):
         name = message["command"]
         self.told.append((name, request_id))
+        self.messages.append(message)
         if name in self.refuses:
             answer(Reply(name, ReplyStatus.REJECTED, self.refuses[name]))
         elif name == "join_run":
@@ -133,6 +135,7 @@ class Yard:
         self.starts = []
         self.hindered = {}
         self.elsewhere = {}
+        self.can = {"takeoff", "land", "goto"}
         self.store = None
         self.begin()
 
@@ -146,8 +149,7 @@ class Yard:
             "yard",
             self.robots,
             candidates=lambda: [
-                Candidate(name, "toy", frozenset({"takeoff", "land", "goto"}), Facts(name, "ok", 80.0))
-                for name in self.robots
+                Candidate(name, "toy", frozenset(self.can), Facts(name, "ok", 80.0)) for name in self.robots
             ],
             allowed=lambda robot, origin, _commands, _navigates: self.denied.get((robot, origin.way)),
             site=SiteMap(
