@@ -123,9 +123,11 @@ class MavlinkConfig(AdapterConfig):
         return seconds
 
     def plans(self) -> frozenset[str]:
-        """Return for what a plan may be made: of a simulated vehicle its autopilot is known."""
-        autopilots = {SimSpec.parse(self.link).flavour} if self.simulated else {"ardupilot", "px4"}
-        return frozenset({"multirotor", *autopilots})
+        """Return for what a plan may be made: what a simulated vehicle is stands in its link."""
+        if not self.simulated:
+            return frozenset({"ardupilot", "px4", "multirotor", "rover", "boat"})
+        spec = SimSpec.parse(self.link)
+        return frozenset({spec.flavour, spec.vehicle})
 
     @property
     def keeping(self) -> Keeping:

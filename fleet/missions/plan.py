@@ -68,7 +68,17 @@ _VEHICLES = MappingProxyType(  # MAV_TYPE
     }
 )
 _ANY = 0  # MAV_AUTOPILOT_GENERIC, MAV_TYPE_GENERIC
-AUTOPILOTS = frozenset(_AUTOPILOTS.values())
+_CLASSES = MappingProxyType(  # of the words that robots have for themselves in their reports
+    {
+        "fixed_wing": "plane",
+        "ground_rover": "rover",
+        "surface_boat": "boat",
+        "coaxial": "multirotor",
+        "helicopter": "multirotor",
+        "tricopter": "multirotor",
+    }
+)
+_KINDS = (frozenset(_AUTOPILOTS.values()), frozenset(_VEHICLES.values()))
 MADE_FOR = "made_for"
 """The key of a plan under which stands what it was made for: an autopilot, a kind of vehicle."""
 _FOR = "plan for "
@@ -126,7 +136,16 @@ def plan_needs(plan: Mapping[str, Any]) -> set[str]:
 
 def plans_taken(kinds: Iterable[str]) -> set[str]:
     """Return what a robot takes that flies plans made for these autopilots and vehicles; none given: any."""
-    return {PLAN, *(_FOR + each for each in set(kinds) or {*AUTOPILOTS, *_VEHICLES.values()})}
+    return {PLAN, *(_FOR + each for each in set(kinds) or frozenset().union(*_KINDS))}
+
+
+def plans_of(kinds: frozenset[str], autopilot: str, vehicle: str) -> frozenset[str]:
+    """Return for what plans are made that a robot flies, of what it may fly, once it has told what it is."""
+    word = "multirotor" if vehicle.endswith("rotor") and not vehicle.startswith("vtol") else vehicle
+    for every, said in zip(_KINDS, (autopilot, _CLASSES.get(word, word)), strict=True):
+        if said in kinds:
+            kinds -= every - {said}
+    return kinds
 
 
 def lacking_words(missing: Collection[str]) -> str:

@@ -12,7 +12,7 @@ import msgspec
 from fleet.adapter import Adapter, FrameAdapter, Robot
 from fleet.commands import CommandSpec, arguments
 from fleet.host.robot.frame_adapter_runner import FrameAdapterRunner
-from fleet.missions.plan import AUTOPILOTS
+from fleet.missions.plan import plans_of
 from fleet.model.command import Command
 from fleet.model.geometry import Velocity
 from fleet.model.navigation import AnyTask, FlyMission, FollowRobot
@@ -76,10 +76,9 @@ class Capabilities(msgspec.Struct, frozen=True):
             return "it takes no velocities, so that it cannot be led after another robot"
         return self.lacking.get("plan" if isinstance(task, FlyMission) else "goto")
 
-    def on(self, autopilot: str) -> Capabilities:
-        """Return these once the robot has told its autopilot: plans made for another are not flown."""
-        others = AUTOPILOTS - {autopilot} if autopilot in self.plans else frozenset[str]()
-        return msgspec.structs.replace(self, plans=self.plans - others)
+    def on(self, autopilot: str, vehicle: str) -> Capabilities:
+        """Return these once the robot has told what it is: plans made for another kind are not flown."""
+        return msgspec.structs.replace(self, plans=plans_of(self.plans, autopilot, vehicle))
 
     @property
     def moves(self) -> bool:

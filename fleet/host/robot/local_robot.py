@@ -328,7 +328,7 @@ class LocalRobot:
         return description(
             self.name,
             self._adapter,
-            self._can.on(self._seen.autopilot),
+            self._can.on(self._seen.autopilot, self._seen.vehicle),
             own=self.controller.own,
             limits=self._limits,
             fence=self.controller.guard.fence,

@@ -115,7 +115,9 @@ def test_the_built_in_robots_refuse_the_ways_that_they_cannot_go_and_no_others(p
 
 
 def test_a_robot_that_lacks_a_part_of_the_vocabulary_refuses_it_with_the_reason():
-    can = msgspec.structs.replace(configured(capabilities(Brainy), Config(name="b", twin=TWIN)), navigates=True)
+    can = msgspec.structs.replace(
+        configured(capabilities(Brainy), Config(name="b", twin=TWIN)), navigates=True
+    )
     assert can.command("dance") is not None
     assert can.refusal(Velocity(Vector3(-1.0, 0.0, 0.0))) is None
     can.lacking.update(dance="it has no legs", move_backward="it only goes ahead", goto="it knows no place")
@@ -139,11 +141,12 @@ def mavlink(link):
     )
 
 
-def test_a_robot_flies_the_plans_of_its_autopilot_once_that_is_known():
+def test_a_robot_flies_the_plans_of_its_autopilot_and_kind_once_these_are_known():
     can = configured(capabilities(MavlinkAdapter), mavlink("udpin:127.0.0.1:14550"))
-    assert can.plans == can.on("").plans == {"ardupilot", "px4", "multirotor"}
-    assert can.on("px4").plans == {"px4", "multirotor"}
-    assert configured(capabilities(MavlinkAdapter), mavlink("sim:ardupilot")).plans == {
-        "ardupilot",
-        "multirotor",
-    }
+    every = {"ardupilot", "px4", "multirotor", "rover", "boat"}
+    assert can.plans == can.on("", "").plans == every
+    assert can.on("px4", "hexarotor").plans == {"px4", "multirotor"}
+    assert can.on("ardupilot", "ground_rover").plans == {"ardupilot", "rover"}
+    assert can.on("an unknown autopilot", "vtol_tiltrotor").plans == every, "it flies no plans at all"
+    simulated = configured(capabilities(MavlinkAdapter), mavlink("sim:ardupilot?vehicle=rover"))
+    assert simulated.plans == {"ardupilot", "rover"}
