@@ -291,6 +291,13 @@ class AdapterConfig(TopicsConfig):
         """Return the seconds until a command is given up, None: as the adapter declares it."""
         return None
 
+    def plans(self) -> frozenset[str]:
+        """Return for which autopilots and kinds of vehicle a plan may be made that the robot flies.
+
+        Words of QGroundControl's plans: px4, ardupilot; multirotor, plane, vtol, rover. Empty: any.
+        """
+        return frozenset()
+
     @property
     def source_type(self) -> str:
         """The source type of the robot's own state."""

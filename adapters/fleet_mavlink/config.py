@@ -122,6 +122,13 @@ class MavlinkConfig(AdapterConfig):
         seconds: float | None = getattr(self.timeouts, command, None) if command in _TIMED else None
         return seconds
 
+    def plans(self) -> frozenset[str]:
+        """Return for what a plan may be made: what a simulated vehicle is stands in its link."""
+        if not self.simulated:
+            return frozenset({"ardupilot", "px4", "multirotor", "rover", "boat"})
+        spec = SimSpec.parse(self.link)
+        return frozenset({spec.flavour, spec.vehicle})
+
     @property
     def keeping(self) -> Keeping:
         """How the autopilot's fail-safe parameters are handled."""

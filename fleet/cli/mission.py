@@ -20,11 +20,12 @@ from fleet.client.edges import Edges
 from fleet.client.local_user import local_user
 from fleet.client.missions import (
     LOOK,
-    MISSION_FILES,
+    PLAN_FILES,
     edge_of,
     find_run,
     known_mission,
     mission_named,
+    plan_mission,
     start_mission,
 )
 from fleet.errors import Refused
@@ -34,7 +35,14 @@ from fleet.missions.words import told_line
 
 @click.group()
 def mission() -> None:
-    """Missions: what several robots shall do together, and how it ends."""
+    """Missions: what several robots shall do together, and how it ends.
+
+    Before: ls, show, check, rehearse. Then run. While it runs: ps, pause, resume, answer, abort; fleet take
+    takes one robot out of it, fleet stop stops robots whatever they do. Afterwards: log, results.
+
+    RUN is the id that run and ps show, or its beginning. Left out, it is the only run under way; for log and
+    results the newest.
+    """
 
 
 @mission.command("ls")
@@ -74,14 +82,16 @@ def show(out: Output, name: str, *, file: str | None) -> ExitCode:
 @click.argument("path", metavar="FILE", type=click.Path(dir_okay=False, path_type=Path))
 @with_output
 def check(out: Output, path: Path) -> ExitCode:
-    """Check a mission file and tell every problem in it, with line and column.
+    """Check a mission file, or a plan, and tell every problem in it, with line and column.
 
-    Robots, groups and places are not known here: missions in fleet.yaml are checked against them by fleet
-    check. Exit code 3 when there is a problem.
+    Robots, groups, places and commands are not known here: missions in fleet.yaml are checked against them
+    by fleet check, and any mission when it is started. Exit code 3 when there is a problem.
     """
     from fleet.config.missions import Known, read_mission  # noqa: PLC0415 - pydantic is slow to import
     from fleet.config.problems import InvalidConfig  # noqa: PLC0415
 
+    if path.suffix in PLAN_FILES:
+        return _check_plan(out, path)
     try:
         found = read_mission(path, os.environ, Known())
     except InvalidConfig as error:
@@ -93,6 +103,20 @@ def check(out: Output, path: Path) -> ExitCode:
     out.data({"ok": True, "file": str(path), "problems": []})
     roles = ", ".join(found.config.roles)
     out.say(f"{path} is valid: {len(found.config.steps)} steps, roles {roles}")
+    return ExitCode.OK
+
+
+def _check_plan(out: Output, path: Path) -> ExitCode:
+    """Check a plan file and tell what is wrong with it."""
+    try:
+        plan_mission(path)
+    except Refused as error:
+        out.data({"ok": False, "file": str(path), "problems": [{"message": error.reason}]})
+        if not out.as_json:
+            show_error(error)
+        return ExitCode.CONFIG_INVALID
+    out.data({"ok": True, "file": str(path), "problems": []})
+    out.say(f"{path} is valid; fly it with: fleet mission run {path} --robot NAME")
     return ExitCode.OK
 
 
@@ -193,8 +217,8 @@ def _control(name: str, summary: str) -> None:
         return _controlled(out, file, run, lambda who: ControlAsk(name, session_id=who))  # type: ignore[arg-type]
 
 
-_control("pause", "Let the robots of RUN hold where they are; its deadline runs on.")
-_control("resume", "Let RUN go on, unless something has changed: then it asks.")
+_control("pause", "Let the robots of RUN hold where they are, until resume; its deadline runs on.")
+_control("resume", "Let RUN go on; where something has changed meanwhile it asks a question first.")
 _control("abort", "End RUN in the way that its mission says (on_abort); this cannot be taken back.")
 
 
@@ -204,7 +228,7 @@ _control("abort", "End RUN in the way that its mission says (on_abort); this can
 @reach_option
 @with_output
 def answer(out: Output, answer: str, run: str, *, file: str | None) -> ExitCode:
-    """Answer the question that RUN asks."""
+    """Answer the question that RUN asks, which fleet mission ps shows: go on, or end it."""
     goes_on = answer == "continue"
     return _controlled(
         out, file, run, lambda who: ControlAsk("answer", goes_on=goes_on, session_id=who), asks=True
@@ -272,7 +296,7 @@ def _controlled(
 
 def _require_a_pilot(what: str, robots: tuple[str, ...]) -> None:
     """Raise UsageError for a plan that nobody is to fly."""
-    if Path(what).suffix in MISSION_FILES - {".yaml", ".yml"} and not robots:
+    if Path(what).suffix in PLAN_FILES and not robots:
         raise click.UsageError("a plan is flown by one aircraft: --robot NAME")
 
 

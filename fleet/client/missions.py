@@ -20,8 +20,9 @@ from fleet.missions.store import Told
 
 LOOK = 0.5  # s between two looks at a run
 SILENT = 10.0  # s without a word of the edge after which nobody knows; the edge may be restarting
-MISSION_FILES = frozenset({".yaml", ".yml", ".plan", ".json"})
+PLAN_FILES = frozenset({".plan", ".json"})
 _YAML = frozenset({".yaml", ".yml"})
+MISSION_FILES = PLAN_FILES | _YAML
 
 
 class MissionRun:
@@ -165,7 +166,9 @@ def plan_mission(path: Path) -> dict[str, Any]:
 
     try:
         return mission_of_plan(plan_in(path.read_bytes()), f"the plan {path.name}")
-    except (OSError, WireError) as error:
+    except OSError as error:
+        raise Refused(f"{path}: {error.strerror}") from None
+    except WireError as error:
         raise Refused(f"{path}: {error}") from None
 
 

@@ -1,4 +1,4 @@
-"""Goals and paths of missions against the fences of the robots that may be sent there, before anything runs.
+"""Goals, paths and plans of missions against the robots that may be sent there, before anything runs.
 
 What is only known of a robot that runs (its placement, its home) is checked when the mission is started.
 """
@@ -9,19 +9,20 @@ from collections.abc import Iterable, Iterator, Mapping
 from typing import Any
 
 from fleet.config.inner_missions import all_steps
-from fleet.config.missions import Mission
+from fleet.config.missions import Mission, at_path
 from fleet.config.places import PlaceConfig, Site, is_allowed, places_of
 from fleet.config.problems import Path
 from fleet.config.schema import Sections
 from fleet.config.yaml import Document
-from fleet.missions.model import ALL, ActConfig, MissionConfig, RoleConfig
+from fleet.missions.model import ALL, ActConfig, RoleConfig
+from fleet.missions.plan import made_for
 from fleet.missions.points import is_point
 from fleet.model.place import Place
 from fleet.robot_config import AdapterConfig
 
 
 class WayCheck:
-    """Checks the missions of a fleet file against the fences of its robots; ``kinds`` are their adapters."""
+    """Checks the missions of a fleet file against the fences and autopilots of its robots."""
 
     def __init__(
         self,
@@ -37,13 +38,24 @@ class WayCheck:
         self._site = site
         self._document = document
 
-    def check(self, mission: MissionConfig, at: Path) -> None:
-        """Report goals where the fence of every robot keeps it out; warn of those where that of some does."""
-        for step, where in all_steps(mission.steps, (*at, "steps")):
+    def check(self, mission: Mission, at: Path) -> None:
+        """Report what no robot of a role may do; warn of what some of its robots may not do."""
+        for step, where in all_steps(mission.config.steps, (*at, "steps")):
             for role, act in (step.do or {}).items():
-                meant = self._meant(mission.roles, role)
+                meant = self._meant(mission.config.roles, role)
                 for place, point in self._points(act, (*where, "do", role)):
                     self._check_point(point, place, meant)
+                if act.plan is not None:
+                    place = (*where, "do", role, "plan")
+                    self._check_plan(at_path(mission.data, place[len(at) :]), place, meant)
+
+    def _check_plan(self, plan: Any, at: Path, meant: list[AdapterConfig]) -> None:
+        """Report or warn of a plan, or of each of a list, that was made for another kind of vehicle."""
+        for index, each in enumerate(plan if isinstance(plan, list) else ()):
+            self._check_plan(each, (*at, index), meant)
+        wanted = made_for(plan) if isinstance(plan, dict) else ()
+        out = sorted(robot.name for robot in meant if robot.plans() and not robot.plans() >= {*wanted})
+        self._tell(out, meant, at, f"it was made for {' '.join(wanted)}, which {{}} is not", "fly it")
 
     def _meant(self, roles: Mapping[str, RoleConfig], role: str) -> list[AdapterConfig]:
         """Return the robots that may fill a role."""
@@ -86,14 +98,17 @@ class WayCheck:
     def _check_point(self, point: Place, where: Path, meant: list[AdapterConfig]) -> None:
         """Report or warn of one point."""
         out = sorted(robot.name for robot in meant if is_allowed(robot, point, self._site) is False)
+        self._tell(out, meant, where, "it is outside the fence of {}", "go there")
+
+    def _tell(self, out: list[str], meant: list[AdapterConfig], where: Path, message: str, what: str) -> None:
+        """Report what is wrong with something for every robot of a role; warn of what is for some."""
         if not out:
             return
-        mark = self._document.marks[where]
-        message = f"it is outside the fence of {', '.join(out)}"
+        mark, message = self._document.marks[where], message.format(", ".join(out))
         if len(out) == len(meant):
-            self._document.report(mark, f"{message}: no robot of the role can go there")
+            self._document.report(mark, f"{message}: no robot of the role can {what}")
         else:
-            self._document.warn(mark, message, "they would refuse to go there")
+            self._document.warn(mark, message, f"they would refuse to {what}")
 
 
 def check_ways(
@@ -102,9 +117,9 @@ def check_ways(
     robots: Iterable[AdapterConfig],
     missions: Iterable[Mission],
 ) -> None:
-    """Report goals of missions that the fences of their robots do not allow."""
+    """Report goals and plans of missions that their robots do not take."""
     if sections is None:
         return
     check = WayCheck(robots, sections.members, sections.places, sections.site.origin, document)
     for mission in missions:
-        check.check(mission.config, ("missions", mission.name))
+        check.check(mission, ("missions", mission.name))

@@ -17,10 +17,11 @@ import msgspec
 from fleet.config.explain import validated
 from fleet.config.inner_missions import InnerCheck
 from fleet.config.mission_files import with_files
+from fleet.config.mission_follow import follow_problems
 from fleet.config.problems import InvalidConfig, Path
 from fleet.config.text import nearest
 from fleet.config.yaml import Document, read
-from fleet.errors import Refused
+from fleet.errors import Refused, WireError
 from fleet.missions.compile import compiled, is_for_each
 from fleet.missions.model import (
     ALL,
@@ -32,9 +33,11 @@ from fleet.missions.model import (
     MissionConfig,
     StepConfig,
 )
+from fleet.missions.plan import items_of, made_for
 from fleet.missions.program import Program
 from fleet.missions.short_forms import normalised
 from fleet.model.event import EventKind
+from fleet.wire.missions import plan_of
 
 
 class Mission(msgspec.Struct, frozen=True):
@@ -167,12 +170,11 @@ def _check_inner(
         _report_at(document, path, message, hint)
 
     known = {name: each.config for name, each in others.items()}
-    InnerCheck(mission.name, mission.config, known, named, report).all(at, partial(_written, document))
+    InnerCheck(mission.name, mission.config, known, named, report).all(at, partial(at_path, document.data))
 
 
-def _written(document: Document, path: Path) -> Any:
-    """Return what stands at a path, before inputs are filled in; None for what is left out."""
-    value = document.data
+def at_path(value: Any, path: Path) -> Any:
+    """Return what stands at a path; None for what is left out."""
     for step in path:
         value = value.get(step) if isinstance(value, dict) else value[step]
     return value
@@ -302,6 +304,8 @@ class _Check:
                 self._act(act, role, (*where, key, role))
         if step.do is not None and step.finish not in {"all", "any", *step.do}:
             self._no_role((*where, "finish"), step.finish)
+        for problem in follow_problems(step, self._mission):
+            self.report((*where, *problem.path), problem.message, problem.hint)
         self._not_a_repeated(step.robot_failed.do, (*where, "robot_failed", "do"))
 
     def _role(self, name: str, where: Path) -> None:
@@ -321,7 +325,7 @@ class _Check:
 
     def _act(self, act: ActConfig, role: str, where: Path) -> None:
         """Check what one role does."""
-        if isinstance(act.goto, str) and isinstance(_written(self._document, (*where, "goto")), str):
+        if isinstance(act.goto, str) and isinstance(at_path(self._document.data, (*where, "goto")), str):
             self._place(act.goto, (*where, "goto"))
         value, place = getattr(act, act.verb), (*where, act.verb)
         if act.verb in {"goto", "path"} and self._known.on_earth is False and _is_on_earth(value):
@@ -334,10 +338,21 @@ class _Check:
             and any(isinstance(each, str) for each in files)
         ):
             self.report(place, "a mission that is sent has the content of its files in it")
+        for each in files if act.verb == "plan" else ():
+            self._plan(each, place)
         if is_for_each(act.verb, value) and role in self._mission.roles:
             most = self._mission.roles[role].count.max
             if len(value) not in (1, most):
                 self.report(place, f"{len(value)} files for {most} robots", "one, or one for each")
+
+    def _plan(self, plan: Any, where: Path) -> None:
+        """Check a plan that stands in the mission itself."""
+        try:
+            if isinstance(plan, dict):
+                made_for(plan)
+                plan_of(items_of(plan), "")
+        except WireError as error:
+            self.report(where, f"the plan: {error}")
 
 
 def _is_on_earth(value: Any) -> bool:

@@ -14,6 +14,8 @@ import msgspec
 from fleet.errors import Refused
 from fleet.missions.model import (
     ALL,
+    FOLLOW_AT,
+    LONGEST,
     ActConfig,
     BatteryConfig,
     ConditionConfig,
@@ -86,7 +88,15 @@ class _Scope(msgspec.Struct, frozen=True):
 
     def acts(self, given: Mapping[str, ActConfig], timeout: float) -> dict[str, tuple[Act, ...]]:
         """Return what its roles do."""
-        return {self.prefix + role: _acts(act, timeout) for role, act in given.items()}
+        return {
+            self.prefix + role: (self._following(act),) if act.follow else _acts(act, timeout)
+            for role, act in given.items()
+        }
+
+    def _following(self, act: ActConfig) -> Act:
+        """Return what a robot does that follows another one; the end of the step ends it, and no time."""
+        data = {"distance_m": act.distance or FOLLOW_AT}
+        return Act("follow", f"{self.prefix}{act.follow}", data, act.speed, LONGEST)
 
 
 class _Compiler:

@@ -44,8 +44,8 @@ from fleet.missions.state import (
 )
 from fleet.missions.steps import Steps
 
-PAUSABLE = frozenset({"goto", "path", "plan"})
-"""What a robot can pause and go on with; any other command ends by itself."""
+PAUSABLE = frozenset({"goto", "path", "plan", "follow"})
+"""What leads a robot somewhere: it can be paused, and gone on with; any other command ends by itself."""
 RETRIED = frozenset({Outcome.FAILED, Outcome.REFUSED})
 
 

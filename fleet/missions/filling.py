@@ -10,7 +10,8 @@ from fleet.config.missions import Mission
 from fleet.errors import Refused
 from fleet.missions.grammar_words import role_words, step_words
 from fleet.missions.model import ALL, CountConfig, RoleConfig
-from fleet.missions.program import Do, Program, RoleNeed
+from fleet.missions.plan import plan_needs
+from fleet.missions.program import Act, Do, Program, RoleNeed
 from fleet.missions.rehearsal import Point
 from fleet.missions.report import MissionState, StartAsk
 from fleet.missions.roles import Candidate, filled, is_meant, runs_in_the_way, spare_of, spares
@@ -163,7 +164,7 @@ def needs_of(program: Program) -> dict[str, frozenset[str]]:
             continue
         for acts in (step.acts, step.undo):
             for role, each in acts.items():
-                words = {str(act.value) if act.verb == "command" else act.verb for act in each}
+                words = {word for act in each for word in _need_of(act)}
                 for name in roles_of(role, needs):
                     needs[name] |= words
     for inner in reversed(program.inner.values()):
@@ -171,6 +172,13 @@ def needs_of(program: Program) -> dict[str, frozenset[str]]:
             for name in roles_of(inner.carrier, needs):
                 needs[name] |= needs[next(iter(inner.roles))]
     return {role: frozenset(words) for role, words in needs.items()}
+
+
+def _need_of(act: Act) -> set[str]:
+    """Return what a robot must take to do something."""
+    if act.verb == "plan":
+        return plan_needs(act.value)
+    return {str(act.value) if act.verb == "command" else act.verb}
 
 
 def mission_state(mission: Mission, edge: str) -> MissionState:

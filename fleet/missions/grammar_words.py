@@ -48,6 +48,8 @@ def _act(act: ActConfig) -> str:
         return f"goes to {point}"
     if act.mission is not None:
         return f"carries out the mission {act.mission}"
+    if act.follow is not None:
+        return f"follows {act.follow}"
     return "follows a path" if act.path is not None else "flies a plan"
 
 

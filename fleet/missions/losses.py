@@ -46,8 +46,16 @@ class Losses:
         step = instruction_of(self._program, self._head)
         doing = step if isinstance(step, Do) else None
         self._make_safe(robot, doing.failed_do if doing is not None else "hold")
-        then: Then = doing.failed_then if doing is not None else "continue"
-        self._follow(f"{robot}: {outcome}: {reason}", then)
+        for follower in self._followers(robot):
+            self.lose(follower, Outcome.FAILED, f"it followed {robot}, which is out of the run")
+        if self._head.phase in GOING_ON:
+            then: Then = doing.failed_then if doing is not None else "continue"
+            self._follow(f"{robot}: {outcome}: {reason}", then)
+
+    def _followers(self, robot: str) -> list[str]:
+        """Return the robots that are following another one."""
+        parts = self._robots.active("do")
+        return [part.robot for part in parts if part.act.verb == "follow" and part.act.value == robot]
 
     def fail(self, reason: str) -> None:
         """End the mission that is under way as failed: the innermost, or the run itself."""

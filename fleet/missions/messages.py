@@ -7,6 +7,7 @@ from typing import Any
 
 import msgspec
 
+from fleet.missions.plan import items_of
 from fleet.missions.points import SiteMap
 from fleet.missions.program import Act
 from fleet.model.state import RobotState
@@ -19,10 +20,12 @@ def message_of(act: Act, identity: str, robot: RobotState, site: SiteMap) -> tup
     if act.verb == "command":
         return "command", {"command": act.value, "data": act.data}
     if act.verb == "plan":
-        return "mission", {"command": "start", EXECUTION: identity, "mission": act.value}
+        return "mission", {"command": "start", EXECUTION: identity, "mission": items_of(act.value)}
     message: dict[str, Any] = {"command": act.verb, "action_id": identity}
     if act.speed is not None:
         message["constraints"] = {"max_speed_ms": act.speed}
+    if act.verb == "follow":
+        return "navigate", message | {"robot": act.value, **act.data}
     if act.verb == "goto":
         return "navigate", message | site.position(act.value, robot)
     return "navigate", message | {"waypoints": [site.position(each, robot) for each in act.value]}

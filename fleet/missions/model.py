@@ -18,7 +18,7 @@ from fleet.yaml_model import Model, wrong
 
 ALL = "all"
 """In the place of a role: every robot of the run."""
-VERBS = ("command", "goto", "path", "plan", "mission")
+VERBS = ("command", "goto", "path", "plan", "follow", "mission")
 """What a role may do in a step: exactly one of them."""
 ACTIONS = ("do", "wait", "wait_for", "ask", "repeat")
 """What a step is: exactly one of them."""
@@ -26,6 +26,7 @@ NEVER_REPEATED = frozenset({"arm", "takeoff", "release", "drop", "kill", "disarm
 """Commands that are never tried again: nobody knows what the first try did."""
 REPEATABLE = frozenset({"goto", "path"})
 """Verbs whose repetition leads to the same state."""
+FOLLOW_AT = 3.0  # m behind another robot, where nobody says
 DEEPEST = 3  # repeats within each other
 _DURATION = re.compile(r"(\d+(?:\.\d+)?) ?(s|min|h)")
 _SECONDS = {"s": 1.0, "min": 60.0, "h": 3600.0}
@@ -49,7 +50,7 @@ Duration = Annotated[
     WithJsonSchema({"anyOf": [{"type": "number"}, {"type": "string", "pattern": f"^{_DURATION.pattern}$"}]}),
 ]
 Percent = Annotated[float, Field(ge=0, le=100, allow_inf_nan=False)]
-Verb = Literal["command", "goto", "path", "plan", "mission"]
+Verb = Literal["command", "goto", "path", "plan", "follow", "mission"]
 
 
 def _goal(given: Any) -> Any:
@@ -150,7 +151,9 @@ class RoleConfig(_Words):
 
     from_: Name | None = Field(None, alias="from", description="A group or a robot. Left out: any robot.")
     kind: Name | None = Field(None, description="Only robots of this adapter.")
-    can: tuple[str, ...] = Field((), description="Commands that they must take; goto, path and plan too.")
+    can: tuple[str, ...] = Field(
+        (), description="Commands that they must take; goto, path, plan and follow too."
+    )
     spares: int = Field(
         0,
         ge=0,
@@ -209,7 +212,7 @@ class AskConfig(Model):
 
 
 class ActConfig(_Words):
-    """What one role does in a step: exactly one of command, goto, path, plan, mission."""
+    """What one role does in a step: exactly one of command, goto, path, plan, follow, mission."""
 
     command: str | None = Field(None, min_length=1, max_length=64, description="A command of the robot.")
     with_: dict[str, Any] = Field(
@@ -227,6 +230,14 @@ class ActConfig(_Words):
     )
     plan: str | list[str] | dict[str, Any] | None = Field(
         None, description="A plan file (.plan, or JSON) that the autopilot flies from its memory."
+    )
+    follow: Name | None = Field(
+        None,
+        description="A role of one robot: keep behind it until the others are through with the step. It goes "
+        "straight towards it, at its own height, within its fence and apart from others.",
+    )
+    distance: float | None = Field(
+        None, ge=0.5, le=100, description="How near it follows, m from middle to middle; left out: 3."
     )
     mission: Name | None = Field(
         None,
@@ -251,8 +262,12 @@ class ActConfig(_Words):
             raise wrong("with", "is the data of a command or the inputs of a mission, and there is none")
         if self.timeout is not None and said[0] == "mission":
             raise wrong("timeout", "a mission has a deadline of its own, and its steps have timeouts")
-        if self.speed is not None and said[0] not in REPEATABLE:
-            raise wrong("speed", "is said of goto and path")
+        if self.timeout is not None and said[0] == "follow":
+            raise wrong("timeout", "it follows until the others are through: they have timeouts")
+        if self.distance is not None and said[0] != "follow":
+            raise wrong("distance", "is said of follow")
+        if self.speed is not None and said[0] not in REPEATABLE | {"follow"}:
+            raise wrong("speed", "is said of goto, path and follow")
         if self.retry and said[0] not in REPEATABLE:
             name = self.command or said[0]
             why = " must not be done twice" if name in NEVER_REPEATED else " is not known to bear it"

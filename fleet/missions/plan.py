@@ -3,12 +3,15 @@
 Source: QGroundControl's plan file format 1 (``fileType: Plan``). A survey and other complex items carry the
 simple items that they come to; those are taken. Altitudes above terrain, fences and rally points are not:
 a file whose items need what is not flown here is refused, so that nothing is flown that was not planned.
+
+The file says for which autopilot and which kind of vehicle it was made (``firmwareType``, ``vehicleType``).
+That is kept beside its items as ``made_for``, so that it is flown by no other one.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from types import MappingProxyType
 from typing import Any
 
@@ -52,6 +55,35 @@ _ITEMS: Mapping[int, tuple[str, Callable[[_Params], dict[str, Any]]]] = MappingP
 )
 
 
+_AUTOPILOTS = MappingProxyType({3: "ardupilot", 12: "px4"})  # MAV_AUTOPILOT
+_VEHICLES = MappingProxyType(  # MAV_TYPE
+    {
+        **dict.fromkeys((2, 3, 4, 13, 14, 15, 29, 35), "multirotor"),
+        **dict.fromkeys(range(19, 26), "vtol"),
+        1: "plane",
+        7: "airship",
+        10: "rover",
+        11: "boat",
+        12: "submarine",
+    }
+)
+_ANY = 0  # MAV_AUTOPILOT_GENERIC, MAV_TYPE_GENERIC
+_CLASSES = MappingProxyType(  # of the words that robots have for themselves in their reports
+    {
+        "fixed_wing": "plane",
+        "ground_rover": "rover",
+        "surface_boat": "boat",
+        "coaxial": "multirotor",
+        "helicopter": "multirotor",
+        "tricopter": "multirotor",
+    }
+)
+_KINDS = (frozenset(_AUTOPILOTS.values()), frozenset(_VEHICLES.values()))
+MADE_FOR = "made_for"
+"""The key of a plan under which stands what it was made for: an autopilot, a kind of vehicle."""
+_FOR = "plan for "
+PLAN = "plan"
+
 PILOT = "pilot"
 """The role of the aircraft that flies a plan."""
 
@@ -73,13 +105,56 @@ def plan_in(data: bytes) -> dict[str, Any]:
         document = decode_json(data, dict[str, Any])
     except (msgspec.DecodeError, RecursionError) as error:
         raise WireError(f"is no JSON: {error}") from None
+    kinds: list[str] = []
     if document.get("fileType") == "Plan":
         try:
+            kinds = _made_for(document)
             document = _converted(document)
         except (AttributeError, KeyError, TypeError, ValueError, IndexError) as error:
             raise WireError(f"is no plan of QGroundControl: {type(error).__name__}: {error}") from None
     plan_of(document, "")
-    return document
+    return document | ({MADE_FOR: kinds} if kinds else {})
+
+
+def items_of(plan: Mapping[str, Any]) -> dict[str, Any]:
+    """Return a plan as a robot takes it: without what it was made for."""
+    return {key: value for key, value in plan.items() if key != MADE_FOR}
+
+
+def made_for(plan: Mapping[str, Any]) -> tuple[str, ...]:
+    """Return what a plan was made for; raises WireError for what a plan cannot say."""
+    found = plan.get(MADE_FOR, [])
+    if not isinstance(found, list) or not all(isinstance(each, str) for each in found):
+        raise WireError("is a list of words", where=MADE_FOR)
+    return tuple(found)
+
+
+def plan_needs(plan: Mapping[str, Any]) -> set[str]:
+    """Return what a robot must take to fly a plan."""
+    return {PLAN, *(_FOR + each for each in made_for(plan))}
+
+
+def plans_taken(kinds: Iterable[str]) -> set[str]:
+    """Return what a robot takes that flies plans made for these autopilots and vehicles; none given: any."""
+    return {PLAN, *(_FOR + each for each in set(kinds) or frozenset().union(*_KINDS))}
+
+
+def plans_of(kinds: frozenset[str], autopilot: str, vehicle: str) -> frozenset[str]:
+    """Return for what plans are made that a robot flies, of what it may fly, once it has told what it is."""
+    word = "multirotor" if vehicle.endswith("rotor") and not vehicle.startswith("vtol") else vehicle
+    for every, said in zip(_KINDS, (autopilot, _CLASSES.get(word, word)), strict=True):
+        if said in kinds:
+            kinds -= every - {said}
+    return kinds
+
+
+def lacking_words(missing: Collection[str]) -> str:
+    """Return what a robot lacks, for people."""
+    kinds = sorted(each.removeprefix(_FOR) for each in missing if each.startswith(_FOR))
+    others = sorted(each for each in missing if not each.startswith(_FOR))
+    words = [f"has no {', '.join(others)}"] if others else []
+    words += [f"flies no plan made for {', '.join(kinds)}"] if kinds else []
+    return " and ".join(words)
 
 
 def _converted(document: Mapping[str, Any]) -> dict[str, Any]:
@@ -119,6 +194,21 @@ def _converted(document: Mapping[str, Any]) -> dict[str, Any]:
         "items": items,
         "altitude_reference": "amsl" if True in above_sea else "home",
     } | ({"home": {"latitude": home[0], "longitude": home[1], "altitude_amsl_m": home[2]}} if home else {})
+
+
+def _made_for(document: Mapping[str, Any]) -> list[str]:
+    """Return the autopilot and the kind of vehicle that a .plan names."""
+    found = []
+    for key, words, other in (
+        ("firmwareType", _AUTOPILOTS, "autopilot"),
+        ("vehicleType", _VEHICLES, "vehicle of type"),
+    ):
+        number = document["mission"].get(key, _ANY)
+        if not isinstance(number, int):
+            raise WireError("must be a whole number", where=f"mission.{key}")
+        if number != _ANY:
+            found.append(words.get(number, f"{other} {number}"))
+    return found
 
 
 def _simple(items: list[Mapping[str, Any]]) -> Iterator[Mapping[str, Any]]:

@@ -14,6 +14,7 @@ import msgspec
 from fleet.errors import Refused
 from fleet.missions.facts import Seen
 from fleet.missions.model import RoleConfig
+from fleet.missions.plan import lacking_words
 from fleet.missions.program import Require
 from fleet.missions.state import Facts
 
@@ -149,9 +150,9 @@ def _lacks(
     """Return what a robot lacks for a role; empty for nothing, ``-`` for one that is not asked for."""
     if not is_meant(candidate, role, given):
         return "-"
-    missing = sorted((needs | frozenset(role.can)) - candidate.can)
+    missing = (needs | frozenset(role.can)) - candidate.can
     if missing:
-        return f"has no {', '.join(missing)}"
+        return lacking_words(missing)
     if candidate.trouble or candidate.run:
         return candidate.trouble or f"it is in run {candidate.run}"
     seen = Seen()

@@ -117,7 +117,7 @@ class Run:
         self._head = b""
         self._sent: set[str] = set()
         self._membership = Membership(about.run, around.clock)
-        self._together = TogetherStep(
+        self.together = TogetherStep(
             around.together,
             Transport(about.way),
             payload=self._payload,
@@ -138,7 +138,7 @@ class Run:
     def take(self, event: Event, *, new: bool = False) -> None:
         """Take an event: record what it changes, then do what follows from it."""
         effects = self.engine.handle(event, self.now)
-        self._together.follow(self.engine.head.phase)
+        self.together.follow(self.engine.head.phase)
         touched = self.engine.changes()
         head = repr(self.engine.head).encode()
         if not (new or touched or effects or head != self._head):
@@ -219,7 +219,7 @@ class Run:
             case Prepare(robot, act, identity):
                 self._command(robot, act, identity, prepares=True)
             case BeginTogether(step, parts):
-                self._together.begin(step, parts)
+                self.together.begin(step, parts)
             case Hold(part, resumes):
                 self._ask(part.robot, "navigate", {"command": "resume" if resumes else "pause"}, "")
             case EmergencyStop(robots, reason):
@@ -254,7 +254,7 @@ class Run:
             self.take(Prepared(robot, error.reason) if prepares else refusal)
             return
         if prepares:
-            self._together.prepare(robot, kind, message, identity)
+            self.together.prepare(robot, kind, message, identity)
         else:
             self._ask(robot, kind, message, identity, partial(self._replied, identity))
 

@@ -10,6 +10,8 @@ from collections import deque
 from collections.abc import Iterable, Mapping
 from types import MappingProxyType
 
+import msgspec
+
 from fleet.missions.program import Act
 from fleet.missions.state import Begin, BeginTogether, Effect, Kind, Member, Note, Outcome, Part
 
@@ -80,8 +82,15 @@ class RunRobots:
         """Return what a robot does of what is said by role; None for nothing. A role comes before all."""
         for role in (member.role, *member.plays, "all"):
             if acts.get(role):
-                return acts[role][member.plays.get(role, member.index) % len(acts[role])]
+                return self._meant(acts[role][member.plays.get(role, member.index) % len(acts[role])])
         return None
+
+    def _meant(self, act: Act) -> Act:
+        """Return an act that follows a role with the robot that fills it now; empty when none does."""
+        if act.verb != "follow":
+            return act
+        first = next(iter(self.within([act.value])), None)
+        return msgspec.structs.replace(act, value=first.robot if first is not None else "")
 
     def acts_of(self, acts: Mapping[str, tuple[Act, ...]]) -> list[tuple[str, Act]]:
         """Return what each robot that still takes part does of what is said by role."""

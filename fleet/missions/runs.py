@@ -19,8 +19,9 @@ import msgspec
 from fleet.clock import Clock
 from fleet.config.missions import Mission
 from fleet.errors import Refused
-from fleet.missions.engine import Engine
+from fleet.missions.engine import PAUSABLE, Engine
 from fleet.missions.filling import Filling, members_of, needs_of
+from fleet.missions.other_edges import Elsewhere, not_kept_apart, require_reach
 from fleet.missions.points import SiteMap
 from fleet.missions.program import Act, Do, Program
 from fleet.missions.report import ControlAsk, RunState, StartAsk, state_of
@@ -61,7 +62,8 @@ Began = Callable[[str, Mapping[str, Sequence[str]], str], None]
 class Runs:
     """Every run of an edge. ``candidates`` tells what each robot can and is now.
 
-    ``hindrance`` says why a robot must not do something, whenever that is; empty for nothing.
+    ``hindrance`` says why a robot must not do something, whenever that is; empty for nothing. ``elsewhere``
+    tells the other edge that has a robot, empty for one of this edge.
     """
 
     def __init__(
@@ -72,6 +74,7 @@ class Runs:
         candidates: Callable[[], list[Candidate]],
         allowed: Allowed,
         hindrance: Callable[[str, Act], str],
+        elsewhere: Elsewhere,
         site: SiteMap,
         store: Store,
         clock: Clock,
@@ -89,7 +92,7 @@ class Runs:
         self.stop = stop
         self.together = together
         self._allowed = allowed
-        self._hindrance = hindrance
+        self._hindrance, self._elsewhere = hindrance, elsewhere
         self._told = told
         self._runs: dict[str, Run] = {}
         self._places = RunPlaces(site.places, self._runs.get, clock)
@@ -160,6 +163,7 @@ class Runs:
                 self._require_authority(program, roles, Origin(way, ask.source_type, ask.session_id))
             engine = Engine(run, program, members_of(program, roles))
             self._require_ways(engine)
+            require_reach(program, engine.robots, self.edge, self._elsewhere)
         except Refused as error:
             began("", {}, str(error))
             return
@@ -184,7 +188,7 @@ class Runs:
         needs = needs_of(program)
         for role, robots in roles.items():
             need = needs.get(role.removeprefix(spare_of("")), frozenset())
-            leads = bool(need & {"goto", "path", "plan"})
+            leads = bool(need & PAUSABLE)
             for robot in robots:
                 refusal = self._allowed(robot, origin, True, leads)
                 if refusal:
@@ -242,6 +246,9 @@ class Runs:
             return
         self._runs[run.id] = run
         run.see(list(run.engine.robots.members))
+        danger = not_kept_apart(run.engine.robots, self._elsewhere)
+        if danger:
+            run.engine.robots.note(danger)
         run.take(Start(), new=True)
         began(run.id, roles, "")
 
@@ -271,6 +278,9 @@ class Runs:
             found.take(Answer(question.id, ask.goes_on, ask.session_id))
             return ""
         before = found.engine.head.phase
+        unpausable = found.together.unpausable(before) if ask.do == "pause" else ""
+        if unpausable:
+            return unpausable
         found.take(_CONTROLS[ask.do](ask.session_id))
         question = found.engine.head.question
         if found.engine.head.phase is before:

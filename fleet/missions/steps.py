@@ -188,9 +188,11 @@ class Steps:
         parts = self.robots.parts_of(self.name)
         active = [part for part in parts if part.inflight]
         through = _is_through(step, parts, self.robots)
-        for part in active if through else ():
+        led = all(part.act.verb == "follow" for part in active)  # they go on until nobody else does
+        for part in active if through or led else ():
             if not self.robots.comes_down(part.robot):
-                self.robots.end(part, Outcome.SKIPPED, "ended with the step", self.losses.now)
+                outcome = Outcome.DONE if part.act.verb == "follow" else Outcome.SKIPPED
+                self.robots.end(part, outcome, "ended with the step", self.losses.now)
                 self.robots.halt(self.name, part.robot, self.losses.now)
         if any(part.inflight for part in active) or self.robots.active("halt", "secure"):
             return
@@ -242,8 +244,9 @@ class Steps:
     def _do(self, step: Do) -> bool:
         """Begin a step that robots carry out, when all that must be so is so."""
         self.head.phase = Phase.STEP
-        for robot, _ in self.robots.acts_of(step.acts):
-            lacking = self.seen.lacks(robot, required(self.program, self.head))
+        for robot, act in self.robots.acts_of(step.acts):
+            nobody = "nobody is left whom it could follow" if act.verb == "follow" and not act.value else ""
+            lacking = nobody or self.seen.lacks(robot, required(self.program, self.head))
             if lacking:
                 self.losses.lose(robot, Outcome.REFUSED, lacking)
             if self.head.phase is not Phase.STEP or instruction_of(self.program, self.head) is not step:
@@ -292,7 +295,7 @@ def _is_through(step: Do, parts: list[Part], robots: RunRobots) -> bool:
     """Return whether those that the step depends on are through, so that the others are ended."""
     if step.finish == "all":
         return False
-    done = [part for part in parts if part.outcome is Outcome.DONE]
+    done = [part for part in parts if part.outcome is Outcome.DONE and part.act.verb != "follow"]
     if step.finish == "any":
         return bool(done)
     waits = any(part.inflight and robots.plays(part.robot, step.finish) for part in parts)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from functools import partial
 from typing import Any, Protocol
 
 from fleet.missions.state import Event, NotStarted, Part, Phase, Prepared
@@ -51,6 +52,16 @@ class TogetherStep:
         self._replied = replied
         self._start: Together | None = None
         self._step = ""
+        self._told: dict[str, Part] = {}  # of robots that are told to begin, and have not said that they do
+
+    def unpausable(self, phase: Phase) -> str:
+        """Return why a run must not be paused now; empty when it may.
+
+        Robots that are about to begin have nothing yet to hold, and might begin all the same.
+        """
+        if phase is not Phase.PREPARING and not any(part.inflight for part in self._told.values()):
+            return ""
+        return "its robots are about to begin together: pause it once they have, or abort it now"
 
     def prepare(self, robot: str, kind: Kind, message: dict[str, Any], identity: str) -> None:
         """Ask a robot to prepare what it is to begin; the first answer says whether it is."""
@@ -62,6 +73,7 @@ class TogetherStep:
                 first = False
                 self._take(Prepared(robot, "" if reply.ok else reply.reason or "it refused"))
             else:
+                self._told.pop(identity, None)
                 self._replied(identity, reply)
 
         step = identity.rsplit("/", 2)[0]
@@ -73,11 +85,16 @@ class TogetherStep:
     def begin(self, step: str, parts: tuple[Part, ...]) -> None:
         """Let robots begin that are prepared and recorded, unless one of them is out meanwhile."""
         if self._start is not None and all(part.inflight for part in parts):
-            robots = [part.robot for part in parts]
-            self._start.begin(robots, lambda why: self._take(NotStarted(step, why)))
+            self._told = {part.identity: part for part in parts}
+            self._start.begin([part.robot for part in parts], partial(self._not_started, step))
             return
         self.withdraw()
         self._take(NotStarted(step, "a robot left the run meanwhile"))
+
+    def _not_started(self, step: str, why: str) -> None:
+        """Take it that nobody begins."""
+        self._told.clear()
+        self._take(NotStarted(step, why))
 
     def follow(self, phase: Phase) -> None:
         """Take back what has not begun when the run leaves the step."""
@@ -86,6 +103,7 @@ class TogetherStep:
 
     def withdraw(self) -> None:
         """Take back what has not begun."""
+        self._told.clear()
         start, self._start = self._start, None
         if start is not None:
             start.withdraw()

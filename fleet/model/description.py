@@ -48,6 +48,7 @@ class FenceDescription(msgspec.Struct, frozen=True, omit_defaults=True):
 class RobotDescription(msgspec.Struct, frozen=True, omit_defaults=True):
     """One robot: its commands, and whether it also accepts velocities, goals and missions.
 
+    ``plans``: autopilots and kinds of vehicle for which the missions are made that it flies; none: any.
     ``verbs`` are motions with a speed or a distance (``move_forward``); ``limits`` are in m/s, rad/s and m.
     """
 
@@ -58,5 +59,6 @@ class RobotDescription(msgspec.Struct, frozen=True, omit_defaults=True):
     verbs: tuple[str, ...] = ()
     goals: bool = False
     missions: bool = False
+    plans: tuple[str, ...] = ()
     limits: dict[str, float] = {}
     fence: FenceDescription | None = None

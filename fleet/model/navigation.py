@@ -93,6 +93,22 @@ class FlyMission(msgspec.Struct, frozen=True, tag="mission"):
 
 
 Task = GoTo | FollowPath | RelativeMove | FlyMission
+"""What an adapter carries out."""
+
+
+class FollowRobot(msgspec.Struct, frozen=True, tag="follow"):
+    """Keep ``distance`` metres behind another robot of the edge, until it is ended; it never ends by itself.
+
+    The host leads it, by velocities and at its own height; no adapter gets this task.
+    """
+
+    robot: str
+    distance: float
+    constraints: Constraints = Constraints()
+
+
+AnyTask = Task | FollowRobot
+"""What a robot may be asked; an adapter gets a ``Task``."""
 
 
 class Control(enum.StrEnum):
@@ -109,7 +125,7 @@ MISSION = "mission"
 class Navigate(msgspec.Struct, frozen=True):
     """A navigation message: a new task, or a control of the running one; ``name`` is the command's name."""
 
-    ask: Task | Control
+    ask: AnyTask | Control
     action_id: str = ""
     origin: Origin = Origin(Transport.BUS)
     stamp: float | None = None

@@ -71,6 +71,7 @@ class Rehearsal:
             allowed=self._refusal,
             site=SiteMap(task.places, task.site),
             hindrance=lambda *_: "",  # its robots refuse it themselves, and the result says so
+            elsewhere=lambda _: "",
             together=lambda: SimulatedStart(self._robots.robots, self._soon),
             store=self._store,
             clock=self._clock,

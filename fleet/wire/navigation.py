@@ -1,9 +1,10 @@
 """Decoder of ``T navigate/command``: goals and controls, in both vocabularies that are in use.
 
 The reference uses ``navigate_to_pose`` and ``cancel``, the SDK ``goto``, ``path``, ``relative_move``,
-``stop``, ``pause`` and ``resume``. A heading is taken from ``yaw``, else from a rotation's named components,
-else from a list, whose order is that of the vocabulary unless the robot's configuration sets one.
-A request that cannot be carried out as meant (another frame than the world, actions at a goal) is refused.
+``stop``, ``pause`` and ``resume``; ``follow`` is this project's own. A heading is taken from ``yaw``, else
+from a rotation's named components, else from a list, whose order is that of the vocabulary unless the robot's
+configuration sets one. A request that cannot be carried out as meant (another frame than the world, actions
+at a goal) is refused.
 """
 
 from __future__ import annotations
@@ -19,7 +20,17 @@ from fleet.errors import WireError
 from fleet.model.command import Command, Transport
 from fleet.model.geodesy import GeoPoint
 from fleet.model.geometry import Vector3, enu_yaw_from_heading, wrap_angle
-from fleet.model.navigation import Constraints, Control, FollowPath, Goal, GoTo, Navigate, RelativeMove, Task
+from fleet.model.navigation import (
+    AnyTask,
+    Constraints,
+    Control,
+    FollowPath,
+    FollowRobot,
+    Goal,
+    GoTo,
+    Navigate,
+    RelativeMove,
+)
 from fleet.wire.envelope import (
     BadCommand,
     identity,
@@ -39,6 +50,7 @@ from fleet.wire.strict import without_nulls as given
 MOST_WAYPOINTS = 500
 MOST_LOOPS = 1000
 LONGEST_WAIT = 3600.0  # s
+NEAREST, FARTHEST = 0.5, 100.0  # m that one robot may be led behind another
 WORLD_FRAMES = frozenset({"map", "odom", "world"})
 
 CONTROLS: Mapping[str, Control] = MappingProxyType(
@@ -68,7 +80,7 @@ _FIELDS: Mapping[str, frozenset[str]] = MappingProxyType(
     {
         "": _PLACE
         | {"waypoints", "constraints", "relative_translation", "frame", "frame_id", "reference_frame"}
-        | {"action_id"},
+        | {"action_id", "robot", "distance_m"},
         "waypoint": _PLACE | {"id", "x", "y", "z"},
         "geodetic_position": frozenset({"latitude", "longitude", "altitude"}),
         "constraints": frozenset({"max_speed_ms", "goal_tolerance_m"}),
@@ -139,7 +151,7 @@ def _order(name: str, configured: Literal["auto", "wxyz", "xyzw"]) -> Order:
     return "xyzw" if name == "navigate_to_pose" else "wxyz"
 
 
-def _task(name: str, message: Mapping[str, object], reading: _Reading) -> Task:
+def _task(name: str, message: Mapping[str, object], reading: _Reading) -> AnyTask:
     """Read a task; raises WireError for an unknown name."""
     read = TASKS.get(name)
     if read is None:
@@ -159,14 +171,14 @@ def _refuse_foreign_frames(message: Mapping[str, object]) -> None:
             raise WireError(f"{frame[:40]!a} is not a frame of the world ({known})", where=name)
 
 
-def _goto(message: Mapping[str, object], reading: _Reading) -> Task:
+def _goto(message: Mapping[str, object], reading: _Reading) -> AnyTask:
     """Read one goal, or a path when the message has waypoints."""
     if message.get("waypoints"):
         return _path(message, reading)
     return GoTo(_goal(message, "", reading, _wait(message, "")), _constraints(message))
 
 
-def _path(message: Mapping[str, object], reading: _Reading) -> Task:
+def _path(message: Mapping[str, object], reading: _Reading) -> AnyTask:
     """Read a path; a position beside the waypoints is its last goal."""
     waypoints = message.get("waypoints")
     if not isinstance(waypoints, list) or not 1 <= len(waypoints) <= MOST_WAYPOINTS:
@@ -283,7 +295,7 @@ def _datum(members: Mapping[str, Any], where: str, reading: _Reading) -> float:
     return reading.home_altitude
 
 
-def _relative(message: Mapping[str, object], _reading: _Reading) -> Task:
+def _relative(message: Mapping[str, object], _reading: _Reading) -> AnyTask:
     """Read a relative move, in metres, in the robot's frame or the world's."""
     if "relative_translation" not in message:
         raise WireError("is missing", where="relative_translation")
@@ -295,6 +307,14 @@ def _relative(message: Mapping[str, object], _reading: _Reading) -> Task:
         raise WireError("only meters are understood", where="metadata.units")
     translation = _vector(message["relative_translation"], "relative_translation")
     return RelativeMove(translation, frame == "body", _constraints(message))
+
+
+def _follow(message: Mapping[str, object], _reading: _Reading) -> AnyTask:
+    """Read which robot of the edge is followed, and how near."""
+    distance = number(message, "distance_m")
+    if not NEAREST <= distance <= FARTHEST:
+        raise WireError(f"{NEAREST:g} to {FARTHEST:g} m is needed, not {distance}", where="distance_m")
+    return FollowRobot(text(message, "robot"), distance, _constraints(message))
 
 
 def _constraints(message: Mapping[str, object]) -> Constraints:
@@ -333,11 +353,12 @@ def _loops(message: Mapping[str, object]) -> int:
     return loops
 
 
-TASKS: Mapping[str, Callable[[Mapping[str, object], _Reading], Task]] = MappingProxyType(
+TASKS: Mapping[str, Callable[[Mapping[str, object], _Reading], AnyTask]] = MappingProxyType(
     {
         "goto": _goto,
         "navigate_to_pose": _goto,
         "path": _path,
         "relative_move": _relative,
+        "follow": _follow,
     }
 )

@@ -53,6 +53,7 @@ ELSEWHERE = {
     "host/edge/mission_robots.py": "fleet/missions/test_runs.py",
     "host/edge/missions.py": "fleet/missions/test_runs.py",
     "host/edge/webhook.py": "fleet/host/edge/test_notifier.py",
+    "host/robot/whereabouts.py": "fleet/host/follow/test_robot_follower.py",
     "host/follow/goal_follower.py": "fleet/host/robot/test_navigator.py",
     "host/follow/leg_follower.py": "adapters/fleet_quadruped/test_navigation.py",
     "host/follow/stuck.py": "adapters/fleet_quadruped/test_navigation.py",

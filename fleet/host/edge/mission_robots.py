@@ -9,6 +9,7 @@ from fleet.bus import keys
 from fleet.bus.zenoh_session import ZenohSession
 from fleet.host.robot.local_robot import LocalRobot
 from fleet.host.workers.remote_robot import RemoteRobot
+from fleet.missions.plan import plans_taken
 from fleet.model.command import Request, Transport
 from fleet.model.description import RobotDescription
 from fleet.model.state import RobotState
@@ -90,9 +91,10 @@ def can(description: RobotDescription | None) -> frozenset[str]:
     """Return what a robot takes."""
     if description is None:
         return frozenset()
-    more = {"goto": description.goals, "path": description.goals, "plan": description.missions}
     names = {command.name for command in description.commands}
-    return frozenset(names | {name for name, takes in more.items() if takes})
+    ways = {"goto", "path"} if description.goals else set()
+    ways |= {"follow"} if description.drives else set()
+    return frozenset(names | ways | (plans_taken(description.plans) if description.missions else set()))
 
 
 def trouble(state: RobotState, description: RobotDescription | None) -> str:

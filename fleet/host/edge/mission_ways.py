@@ -95,4 +95,7 @@ class MissionWays:
     def hindrance(self, robot: str, act: Act) -> str:
         """Return why a robot must not do something; empty when nothing is known against it."""
         check = self._checks.get(robot)
+        for each in (robot, act.value) if act.verb == "follow" else ():
+            if each not in self._checks:
+                return f"{each} is a robot of another edge: one follows another of its own edge only"
         return check.trouble(act, self.state_of(robot)) if check is not None else ""

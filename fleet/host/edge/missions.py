@@ -109,6 +109,7 @@ class Missions:
             allowed=self._refusal,
             site=ways.site,
             hindrance=ways.hindrance,
+            elsewhere=self.partners.edge_of,
             store=self.store,
             clock=process.clock,
             soon=self._soon,

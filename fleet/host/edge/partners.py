@@ -111,6 +111,11 @@ class Partners:
         self._held: dict[tuple[str, str], set[str]] = {}  # robots by run and edge
         self.runs: Callable[[], Iterable[Run]] = tuple
 
+    def edge_of(self, robot: str) -> str:
+        """Return the other edge that has a robot; empty for one of this edge."""
+        found = self.robots.get(robot)
+        return found.edge if found is not None else ""
+
     def declare(self, every: Callable[[float, Callable[[], None]], object]) -> None:
         """Hear of the robots, and renew what is held."""
         for edge in {robot.edge for robot in self.robots.values()}:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import AsyncIterator, Callable
+from functools import partial
 from typing import Any, Protocol
 
 from fleet.adapter import Adapter
@@ -12,9 +13,10 @@ from fleet.errors import NotReady
 from fleet.host.follow.leg_follower import TOLERANCE, LegFollower
 from fleet.host.follow.legs import legs_of
 from fleet.host.follow.motion_laws import NO_LIMIT, MotionLimits
+from fleet.host.follow.robot_follower import RobotFollower
 from fleet.model.geodesy import GeoOrigin
-from fleet.model.geometry import ZERO_VELOCITY, Pose, Velocity
-from fleet.model.navigation import Progress, Task
+from fleet.model.geometry import ZERO_VELOCITY, Pose, Vector3, Velocity
+from fleet.model.navigation import AnyTask, FollowRobot, Progress
 from fleet.model.report import PoseReport, Report
 from fleet.robot_config import AdapterConfig, Limits
 from fleet.runtime.decoding import convert_strictly
@@ -29,8 +31,12 @@ SHARE = 0.9  # of the robot's yaw rate that is used, so that its own clamp does 
 class GoalNavigator(Protocol):
     """Who can lead a robot to a goal: an adapter, or the host's follower."""
 
-    def navigate(self, task: Task) -> AsyncIterator[Progress]:
+    def navigate(self, task: AnyTask) -> AsyncIterator[Progress]:
         """Carry out a task, yielding progress."""
+
+
+OtherRobot = Callable[[str], tuple[Vector3, float]]
+"""Where another robot was last, in the world of this one, and its age (s); raises NotReady where unknown."""
 
 
 class GoalFollower:
@@ -44,7 +50,9 @@ class GoalFollower:
         holonomic: bool,
         origin: GeoOrigin | None,
         clock: Clock,
+        other: OtherRobot,
     ) -> None:
+        self._other = other
         self._drive = drive
         self._limits = limits
         self._holonomic = holonomic
@@ -64,25 +72,28 @@ class GoalFollower:
             self._pose = Pose(report.position, report.rotation)
             self._seen = self._clock.monotonic()
 
-    async def navigate(self, task: Task) -> AsyncIterator[Progress]:
+    async def navigate(self, task: AnyTask) -> AsyncIterator[Progress]:
         """Carry out a task; return at the goal. Raises Refused, NotReady or TimedOut; the caller stops it."""
         pose = self._fresh()
         if pose is None:
             raise NotReady("the robot's pose is too old", hint="is it reporting?")
-        follower = LegFollower(
-            legs_of(task, pose, self._origin),
-            pose,
-            self._pace(task),
-            tolerance=task.constraints.tolerance or TOLERANCE,
-            holonomic=self._holonomic,
-            now=self._clock.monotonic(),
-        )
+        follower = self._follower(task, pose)
         while not follower.done:
             pose = self._fresh()
             self._drive(ZERO_VELOCITY if pose is None else follower.step(pose, self._clock.monotonic()))
             yield follower.progress()
             await asyncio.sleep(PERIOD)
         self._drive(ZERO_VELOCITY)
+
+    def _follower(self, task: AnyTask, pose: Pose) -> LegFollower | RobotFollower:
+        """Return what leads the robot for a task."""
+        now, pace = self._clock.monotonic(), self._pace(task)
+        if isinstance(task, FollowRobot):
+            where = partial(self._other, task.robot)
+            return RobotFollower(task.distance, where, pace, holonomic=self._holonomic, now=now)
+        tolerance = task.constraints.tolerance or TOLERANCE
+        legs = legs_of(task, pose, self._origin)
+        return LegFollower(legs, pose, pace, tolerance=tolerance, holonomic=self._holonomic, now=now)
 
     def _fresh(self) -> Pose | None:
         """Return the pose, None when it is too old to drive by; raises NotReady when it is lost."""
@@ -91,7 +102,7 @@ class GoalFollower:
             raise NotReady(f"no pose for {age:.1f} s" if self._pose else "the robot has told no pose")
         return self._pose if age <= STALE else None
 
-    def _pace(self, task: Task) -> MotionLimits:
+    def _pace(self, task: AnyTask) -> MotionLimits:
         """Return how the robot may be led for a task."""
         fastest = self._limits.speed or NO_LIMIT
         asked = task.constraints.max_speed
@@ -99,12 +110,26 @@ class GoalFollower:
         return MotionLimits(min(fastest, asked) if asked else fastest, yaw_rate)
 
 
+class _OwnWays:
+    """A robot that goes to goals by itself, and is led after other robots by the host."""
+
+    def __init__(self, adapter: Adapter[Any], leader: GoalFollower) -> None:
+        self._adapter = adapter
+        self._leader = leader
+
+    def navigate(self, task: AnyTask) -> AsyncIterator[Progress]:
+        """Carry out a task, yielding progress."""
+        if isinstance(task, FollowRobot):
+            return self._leader.navigate(task)
+        return self._adapter.navigate(task)
+
+
 def goal_navigator(
     adapter: Adapter[Any] | None, leader: GoalFollower, *, navigates: bool, drives: bool
 ) -> GoalNavigator | None:
     """Return who leads a robot to a goal: itself, or the host; None when neither can."""
     if adapter is not None and navigates:
-        return adapter
+        return _OwnWays(adapter, leader)
     return leader if adapter is not None and drives and leader.has_pose else None
 
 
@@ -113,10 +138,13 @@ def goal_follower_of(
     drive: Callable[[Velocity], None],
     limits: Limits,
     clock: Clock,
+    other: OtherRobot,
     *,
     holonomic: bool,
 ) -> GoalFollower:
     """Return the follower of a robot of fleet.yaml."""
     place = config.origin
     origin = None if place is None else convert_strictly(place, GeoOrigin, from_attributes=True)
-    return GoalFollower(drive=drive, limits=limits, holonomic=holonomic, origin=origin, clock=clock)
+    return GoalFollower(
+        drive=drive, limits=limits, holonomic=holonomic, origin=origin, clock=clock, other=other
+    )

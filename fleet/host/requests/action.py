@@ -8,7 +8,7 @@ import msgspec
 
 from fleet.clock import Clock
 from fleet.host.requests.remaining_distance import RemainingDistance
-from fleet.model.navigation import NEXT, ActionState, FlyMission, FollowPath, Progress, Task
+from fleet.model.navigation import NEXT, ActionState, AnyTask, FlyMission, FollowPath, FollowRobot, Progress
 from fleet.model.report import NavigationReport
 
 REPEAT = 0.5  # s; the shortest time between two progress statuses
@@ -20,7 +20,7 @@ class Action:
     def __init__(
         self,
         action_id: str,
-        task: Task,
+        task: AnyTask,
         *,
         publish: Callable[[NavigationReport], None],
         ended: Callable[[NavigationReport], None],
@@ -44,7 +44,7 @@ class Action:
         return self.status.state.terminal
 
     @property
-    def ahead(self) -> Task:
+    def ahead(self) -> AnyTask:
         """What is left of its task, once it was paused."""
         if isinstance(self.task, FlyMission):
             return msgspec.structs.replace(self.task, items=self.task.items[self.reached :])
@@ -71,6 +71,8 @@ class Action:
     def words(self) -> str:
         """What it is doing, in a word or two for people."""
         doing, task = "navigating", self.task
+        if isinstance(task, FollowRobot):
+            return f"following {task.robot}" + (", paused" if self.paused else "")
         if isinstance(task, FlyMission):
             doing = f"mission, item {min(self.reached + 1, len(task.items))} of {len(task.items)},"
         return f"{doing} {self.status.progress:.0f} %" + (", paused" if self.paused else "")

@@ -12,9 +12,10 @@ import msgspec
 from fleet.adapter import Adapter, FrameAdapter, Robot
 from fleet.commands import CommandSpec, arguments
 from fleet.host.robot.frame_adapter_runner import FrameAdapterRunner
+from fleet.missions.plan import plans_of
 from fleet.model.command import Command
 from fleet.model.geometry import Velocity
-from fleet.model.navigation import FlyMission, Task
+from fleet.model.navigation import AnyTask, FlyMission, FollowRobot
 from fleet.robot_config import AdapterConfig, Limits, Separation
 from fleet.wire.commands import VERBS
 
@@ -37,6 +38,7 @@ class Capabilities(msgspec.Struct, frozen=True):
     combines_keys: bool = False
     moves_joints: bool = False
     lacking: dict[str, str] = {}
+    plans: frozenset[str] = frozenset()  # what missions may be made for; none: anything
 
     def command(self, name: str) -> CommandSpec | None:
         """Return a declared command, None for one that this robot does not have."""
@@ -66,11 +68,17 @@ class Capabilities(msgspec.Struct, frozen=True):
         """Why the robot takes no joint targets at all; None when it takes some."""
         return None if self.moves_joints else "it takes no joint targets"
 
-    def cannot(self, task: Task) -> str | None:
+    def cannot(self, task: AnyTask) -> str | None:
         """Return why the robot cannot carry out such a task at all; None when it can."""
         if isinstance(task, FlyMission) and not self.navigates:
             return "it carries out no missions: it has no autopilot with a memory for them; send it goals"
+        if isinstance(task, FollowRobot) and not self.drives:
+            return "it takes no velocities, so that it cannot be led after another robot"
         return self.lacking.get("plan" if isinstance(task, FlyMission) else "goto")
+
+    def on(self, autopilot: str, vehicle: str) -> Capabilities:
+        """Return these once the robot has told what it is: plans made for another kind are not flown."""
+        return msgspec.structs.replace(self, plans=plans_of(self.plans, autopilot, vehicle))
 
     @property
     def moves(self) -> bool:
@@ -88,15 +96,15 @@ class Capabilities(msgspec.Struct, frozen=True):
         return f"it takes {', '.join(sorted(self.commands)) or 'no commands'}"
 
 
-def timed(can: Capabilities, config: AdapterConfig) -> Capabilities:
-    """Return one robot's own capabilities: its commands are given up when its config says so."""
+def configured(can: Capabilities, config: AdapterConfig) -> Capabilities:
+    """Return one robot's own capabilities: when its commands are given up, which plans it flies."""
     commands = {
         name: spec
         if (limit := config.timeout_of(name)) is None
         else msgspec.structs.replace(spec, timeout=limit)
         for name, spec in can.commands.items()
     }
-    return msgspec.structs.replace(can, commands=commands, lacking={})
+    return msgspec.structs.replace(can, commands=commands, lacking={}, plans=config.plans())
 
 
 @functools.lru_cache(maxsize=64)  # a thousand robots of one kind share it

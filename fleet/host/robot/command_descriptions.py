@@ -66,6 +66,7 @@ def description(
         verbs=verbs,
         goals=(can.drives or can.navigates) and "goto" not in can.lacking,
         missions=can.navigates and "plan" not in can.lacking,
+        plans=tuple(sorted(can.plans)),
         limits={name: value for name, value in limits if value is not None},
         fence=_fence(fence),
     )

@@ -33,7 +33,7 @@ from fleet.host.safety.emergency_stop import EmergencyStopLatch
 from fleet.host.safety.verb_speeds import VerbSpeeds
 from fleet.model.command import Command, JointSetpoint, Setpoint
 from fleet.model.geometry import Velocity
-from fleet.model.navigation import Control, Navigate, Task
+from fleet.model.navigation import AnyTask, Control, Navigate
 from fleet.model.report import Report
 from fleet.robot_config import AdapterConfig
 from fleet.wire.stops import EMERGENCY, STOP_WORDS
@@ -58,7 +58,7 @@ class RobotController:
         clock: Clock,
     ) -> None:
         self.name, self.last = config.name, LastCommand()
-        self._can, self.moves = capabilities, capabilities.moves
+        self._can, self.moves, any_way = capabilities, capabilities.moves, capabilities.holonomic
         limits, combines = config.limits.over(capabilities.limits), capabilities.combines_keys
         self.event_reporter = EventReporter(self.name, publish, clock, in_motion=lambda: self.in_motion)
         self.guard = MotionGuard(config, limits, clock, robot=self, event_reporter=self.event_reporter)
@@ -87,7 +87,7 @@ class RobotController:
             publish=publish, hold=self._settle, crashed=crashed, clock=clock, journal=journal, ready=ready
         )
         self.recall, self.doing = self._navigator.recall, self._navigator.doing  # recall: of earlier actions
-        self._leader = goal_follower_of(config, self._lead, limits, clock, holonomic=capabilities.holonomic)
+        self._leader = goal_follower_of(config, self._lead, limits, clock, guard.others.of, holonomic=any_way)
         self.see, self.hold_again = self._leader.see, self._driving.hold_again  # see: the poses it is led by
 
     @property
@@ -354,7 +354,7 @@ class RobotController:
         receipt.watch(self.guard.obeyed)
         self._navigator.start(who, ask, ask.ask, receipt)
 
-    def unable(self, task: Task) -> str | None:
+    def unable(self, task: AnyTask) -> str | None:
         """Return why the robot would not begin a task now, whoever asks for it; None when it would."""
         busy = f"busy with {self._executor.moving}" if self._executor.moving else None
         refusal = self._can.cannot(task) or self.guard.task(task) or busy

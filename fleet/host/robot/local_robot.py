@@ -18,7 +18,7 @@ from fleet.host.requests.history_recorder import HistoryRecorder, never_raises
 from fleet.host.requests.receipt import Receipt
 from fleet.host.requests.stop_cause import StopCause
 from fleet.host.requests.unrequested_events import UnrequestedEvents
-from fleet.host.robot.adapter_factory import AdapterClass, capabilities, create_adapter, timed
+from fleet.host.robot.adapter_factory import AdapterClass, capabilities, configured, create_adapter
 from fleet.host.robot.adapter_runner import AdapterRunner
 from fleet.host.robot.command_descriptions import description
 from fleet.host.robot.controller import RobotController
@@ -90,7 +90,7 @@ class LocalRobot:
         self._refusals = RateLimitedCounter(self._log, clock)
         self._record = never_raises(record)  # into the edge's history
         self._recorder = HistoryRecorder(self.publish, clock)
-        self._can = can = timed(capabilities(plugin), config)
+        self._can = can = configured(capabilities(plugin), config)
         self.controller = RobotController(
             config,
             can,
@@ -328,7 +328,7 @@ class LocalRobot:
         return description(
             self.name,
             self._adapter,
-            self._can,
+            self._can.on(self._seen.autopilot, self._seen.vehicle),
             own=self.controller.own,
             limits=self._limits,
             fence=self.controller.guard.fence,

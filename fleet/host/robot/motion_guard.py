@@ -17,12 +17,13 @@ from fleet.host.requests.event_reporter import EventReporter
 from fleet.host.requests.receipt import Receipt
 from fleet.host.robot.battery_watch import BatteryWatch
 from fleet.host.robot.separation_keeper import SeparationKeeper
+from fleet.host.robot.whereabouts import Whereabouts
 from fleet.host.safety.fence import Fence
 from fleet.model.command import Command, Reply
 from fleet.model.event import EventKind
 from fleet.model.geodesy import GeoOrigin, GeoPoint, world_from_geo
 from fleet.model.geometry import ZERO_VELOCITY, Pose, Vector3, Velocity, rotate_to_world
-from fleet.model.navigation import FlyMission, FollowPath, Goal, GoTo, RelativeMove, Task
+from fleet.model.navigation import AnyTask, FlyMission, FollowPath, FollowRobot, Goal, GoTo, RelativeMove
 from fleet.model.polygon import Polygon
 from fleet.model.report import BatteryReport, FlightControllerReport, PoseReport, Report
 from fleet.robot_config import AdapterConfig, FenceConfig, Limits
@@ -80,6 +81,7 @@ class MotionGuard:
         self.held = ZERO_VELOCITY
         self.taken = False
         self.apart: SeparationKeeper | None = None
+        self.others = Whereabouts()
         self._battery: BatteryWatch | None = None
         if config.battery_policy is not None:
             self._battery = BatteryWatch(
@@ -125,7 +127,7 @@ class MotionGuard:
 
     def share_space(self, apart: SeparationKeeper) -> None:
         """Keep the robot apart from the others from now on."""
-        self.apart = apart
+        self.apart = self.others.among = apart
         apart.world_is(self._world())
 
     def obeyed(self, reply: Reply) -> None:
@@ -160,7 +162,8 @@ class MotionGuard:
 
     def beginning(self, ask: Command) -> str | None:
         """Return why a command may not begin a flight or change its height; None when it may, or does not."""
-        return self._start_trouble(ask.name) or self._climb_trouble(ask) or None
+        begins = self._start_trouble() if ask.name in BEGINNINGS else None
+        return begins or self._climb_trouble(ask) or None
 
     def _tell_landing(self, name: str) -> None:
         """Say that a landing or a way home meets another robot; it goes on all the same."""
@@ -198,16 +201,16 @@ class MotionGuard:
         task = RelativeMove(Vector3(0.0, 0.0, rise), body_frame=False)
         return self.apart.task_trouble(task, (pose.position + task.translation,))
 
-    def _start_trouble(self, name: str) -> str | None:
-        """Return why a command may not begin a flight, None when it may, or begins none."""
-        if name not in BEGINNINGS:
-            return None
+    def _start_trouble(self) -> str | None:
+        """Return why nothing may begin whose way is not known, as a flight; None when it may."""
         if self._trouble:
             return f"it is {self._trouble}"
         return (self._battery.start_trouble() or None) if self._battery else None
 
-    def task(self, task: Task | None) -> str | None:
+    def task(self, task: AnyTask | None) -> str | None:
         """Return why a task may not begin, or go on, None when it may, or is none."""
+        if isinstance(task, FollowRobot):
+            return self.others.trouble(task.robot) or self._start_trouble()
         shares = self.apart is not None and self.apart.is_judged
         if task is None or (self._battery is None and self._unfenced and not shares):
             return None
@@ -225,14 +228,14 @@ class MotionGuard:
             trouble = self.apart.task_trouble(task, points)
         return trouble or None
 
-    def points(self, task: Task) -> tuple[Vector3, ...]:
+    def points(self, task: AnyTask) -> tuple[Vector3, ...]:
         """Return where a task leads in the robot's world, nowhere while that is unknown."""
         try:
             return self._way(task)[1]
         except Refused:
             return ()
 
-    def means(self, task: Task | None) -> None:
+    def means(self, task: AnyTask | None) -> None:
         """Note where a task leads that the robot is prepared for: others keep away; None: nowhere."""
         if self.apart is not None:
             self.apart.means(() if task is None else self.points(task))
@@ -296,7 +299,7 @@ class MotionGuard:
         if self.apart is not None:
             self.apart.world_is(world)
 
-    def _way(self, task: Task) -> tuple[Vector3, tuple[Vector3, ...]]:
+    def _way(self, task: AnyTask) -> tuple[Vector3, tuple[Vector3, ...]]:
         """Return where a task begins and where it leads; raises Refused while that is unknown."""
         pose = self._fresh()
         if pose is None or self.fence is None:
@@ -309,6 +312,8 @@ class MotionGuard:
                 return pose.position, points if task.loops == 1 else (*points, *points[:1])
             case FlyMission():
                 return pose.position, tuple(self._points_of(task))
+            case FollowRobot():  # nobody knows where the other one goes; its velocities are judged
+                return pose.position, ()
         step = task.translation
         if task.body_frame:
             step = rotate_to_world(step, pose.rotation.yaw)
@@ -331,7 +336,7 @@ class MotionGuard:
             raise Refused("a place on Earth needs an origin in fleet.yaml, or a home")
         return world_from_geo(world, goal.geo)
 
-    def _speed(self, task: Task) -> float | None:
+    def _speed(self, task: AnyTask) -> float | None:
         """Return the speed of a task, None when nobody says."""
         return task.constraints.max_speed or self._limits.speed
 

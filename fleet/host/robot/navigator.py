@@ -17,7 +17,7 @@ from fleet.host.requests.action import Action
 from fleet.host.requests.receipt import Receipt
 from fleet.host.runtime.cancellation import cancel_and_wait, closing, no_wait, was_cancelled
 from fleet.model.command import Reply
-from fleet.model.navigation import ActionState, Control, Navigate, RelativeMove, Task
+from fleet.model.navigation import ActionState, AnyTask, Control, Navigate, RelativeMove
 from fleet.model.report import NavigationReport
 from fleet.runtime.exception_barrier import guarded
 
@@ -68,14 +68,14 @@ class Navigator:
         """True while an action is running or paused."""
         return self.action is not None and not self.action.over
 
-    def doing(self) -> tuple[Task, int] | None:
+    def doing(self) -> tuple[AnyTask, int] | None:
         """Return the task under way and how many of its goals are behind, None when there is none."""
         if self.action is None or self.action.over or self.action.paused:
             return None
         return self.action.task, self.action.reached
 
     @property
-    def ahead(self) -> Task | None:
+    def ahead(self) -> AnyTask | None:
         """What is left of the paused action; None when none is paused."""
         return self.action.ahead if self.active and self.action and self.action.paused else None
 
@@ -105,7 +105,7 @@ class Navigator:
         receipt.follow(known.receipt)
         return True
 
-    def start(self, who: GoalNavigator, ask: Navigate, task: Task, receipt: Receipt) -> None:
+    def start(self, who: GoalNavigator, ask: Navigate, task: AnyTask, receipt: Receipt) -> None:
         """Begin the ``task`` that a message asks, led by ``who``; whatever was under way is cancelled."""
         self.cancel("superseded by a newer goal")
         self._asked = ask

@@ -90,6 +90,11 @@ class RobotPositions:
         there = (self.one(other) for other in self._names if other != name and self._frame(other) == frame)
         return [robot for robot in there if robot is not None]
 
+    def seen(self, name: str, other: str) -> Occupant | None:
+        """Return a robot in the frame of one; None where nobody knows."""
+        frame = self._frame(name)
+        return self.one(other) if frame and self._frame(other) == frame else None
+
     def near(self, name: str, at: Vector3, reach: float) -> tuple[Occupant, ...]:
         """Return those of them that a robot may meet before long, by how far each of the two may go."""
         frame = self._frame(name)

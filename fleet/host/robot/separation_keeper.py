@@ -29,7 +29,7 @@ from fleet.host.safety.separation import (
 from fleet.model.event import EventKind
 from fleet.model.geodesy import GeoOrigin
 from fleet.model.geometry import ZERO_VELOCITY, Pose, Vector3, Velocity, rotate_to_world
-from fleet.model.navigation import FollowPath, Task
+from fleet.model.navigation import AnyTask, FollowPath, FollowRobot
 from fleet.model.site import Placement, placed_at_start
 from fleet.robot_config import AdapterConfig, Limits, Separation
 
@@ -58,6 +58,9 @@ class OtherRobots(Protocol):
     def others(self, name: str) -> Sequence[Occupant]:
         """Return all robots but one whose place is known in the frame of that one."""
 
+    def seen(self, name: str, other: str) -> Occupant | None:
+        """Return a robot in the frame of one; None where nobody knows."""
+
     def near(self, name: str, at: Vector3, reach: float) -> tuple[Occupant, ...]:
         """Return those of them that may be met before long, by how far each may go."""
 
@@ -69,7 +72,7 @@ class MovingRobot(Protocol):
     def in_motion(self) -> bool:
         """True while the robot moves, or may move, because of us."""
 
-    def doing(self) -> tuple[Task, int] | None:
+    def doing(self) -> tuple[AnyTask, int] | None:
         """Return the task under way, and how many of its goals are behind."""
 
     def end(self, why: str) -> None:
@@ -139,7 +142,7 @@ class SeparationKeeper:
         mover: MovingRobot,
         led: bool,
         held: Callable[[], Velocity],
-        points: Callable[[Task], Sequence[Vector3]],
+        points: Callable[[AnyTask], Sequence[Vector3]],
         event_reporter: EventReporter,
     ) -> None:
         self.name = config.name
@@ -155,7 +158,7 @@ class SeparationKeeper:
         soon = self._fastest * 2 * STALE
         self._reach = self._radius + stopping(self._fastest, self._braking) + soon
         self._clock = clock
-        self._others = others
+        self.others = others
         self._mover = mover
         self._led = led
         self._held = held
@@ -166,7 +169,7 @@ class SeparationKeeper:
         self._yaw = 0.0
         self._seen = 0.0
         self._velocity = MeasuredVelocity()
-        self._task: Task | None = None
+        self._task: AnyTask | None = None
         self._way: tuple[Vector3, ...] = ()
         self._down: tuple[Vector3, ...] = ()  # the way of a landing that is under way
         self._meant: tuple[Vector3, ...] = ()  # the way that it is prepared for
@@ -185,14 +188,14 @@ class SeparationKeeper:
     @property
     def is_judged(self) -> bool:
         """True when the robot is placed, and has others to be kept apart from."""
-        return self.placement is not None and not self._others.alone
+        return self.placement is not None and not self.others.alone
 
     # -- where it is -----------------------------------------------------------------------------------
 
     def world_is(self, world: GeoOrigin | None) -> None:
         """Take the place on Earth of the origin of the robot's world; None while nobody knows it."""
         if world is not None and self._start is None:
-            self.placement, self.on_earth = self._others.place(world), True
+            self.placement, self.on_earth = self.others.place(world), True
 
     def charged(self, percent: float | None) -> None:
         """Take how full its battery is: of two alike the fuller one gives way."""
@@ -272,13 +275,13 @@ class SeparationKeeper:
 
     # -- what may be asked of it -----------------------------------------------------------------------
 
-    def task_trouble(self, task: Task, points: Sequence[Vector3]) -> str:
+    def task_trouble(self, task: AnyTask, points: Sequence[Vector3]) -> str:
         """Return why the robot may not be sent through these points of its world, empty when it may."""
         robot = self.occupant()
         if robot is None or self.placement is None:
             return ""
         way = self._in_site(points)
-        trouble = way_trouble(robot, way, self._others.others(self.name))
+        trouble = way_trouble(robot, way, self.others.others(self.name))
         if not trouble:
             self._task, self._way = task, way
         return trouble
@@ -288,7 +291,7 @@ class SeparationKeeper:
         robot = self.occupant()
         if robot is None or self.placement is None or not points:
             return ""
-        return way_trouble(robot, self._in_site(points), self._others.others(self.name))
+        return way_trouble(robot, self._in_site(points), self.others.others(self.name))
 
     def means(self, points: Sequence[Vector3]) -> None:
         """Note the way that the robot is prepared for, which others keep away from; no points: none."""
@@ -349,7 +352,9 @@ class SeparationKeeper:
         self._notice.expire()
         if not self._near:
             return
-        if not self._held().is_zero or (self._led and self._mover.doing() is not None):
+        doing = self._mover.doing()
+        led = doing is not None and (self._led or isinstance(doing[0], FollowRobot))
+        if led or not self._held().is_zero:
             self._mover.hold_again()
             return
         robot = self.occupant()
@@ -364,7 +369,7 @@ class SeparationKeeper:
         self._judged_by, self._near, self._free = float("-inf"), (), math.inf
         if self.at is None:
             return
-        near = self._others.near(self.name, self.at, self.reach)
+        near = self.others.near(self.name, self.at, self.reach)
         if near and (robot := self.occupant()) is not None:
             self._near = tuple((gap(robot, other, STALE), other) for other in near)
             least = min(free for free, _ in self._near)

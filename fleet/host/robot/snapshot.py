@@ -26,13 +26,13 @@ READ = frozenset({PoseReport, BatteryReport, FlightStateReport, FlightController
 
 
 class Snapshot:
-    """The last mode, arming, battery, position, speed and home (m AMSL) of one robot.
+    """The last mode, autopilot, vehicle, arming, battery, position, speed and home (m AMSL) of one robot.
 
     ``heard`` is when it last said anything (monotonic s); None while it never did.
     """
 
     def __init__(self) -> None:
-        self.mode = ""
+        self.mode = self.autopilot = self.vehicle = ""
         self.armed: bool | None = None
         self.battery: float | None = None
         self.position: Vector3 | None = None
@@ -53,6 +53,7 @@ class Snapshot:
                 self.battery = report.percent
             case FlightControllerReport():
                 self.mode, self.armed = report.mode, report.armed
+                self.autopilot, self.vehicle = report.autopilot, report.vehicle
                 self.home_altitude = report.home.altitude if report.home else None
             case FlightStateReport():
                 self.mode = report.flight_mode or self.mode

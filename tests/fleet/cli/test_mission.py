@@ -121,6 +121,15 @@ def test_a_file_is_checked_without_an_edge(fleet, place):
     )
 
 
+def test_a_plan_is_checked_without_an_edge_too(fleet, place):
+    (place / "field.json").write_text(json.dumps(PLAN))
+    result = fleet("mission", "check", "field.json")
+    assert (result.code, "fleet mission run field.json --robot NAME" in result.out) == (0, True)
+    (place / "field.plan").write_text('{"fileType": "Plan", "mission": {"items": []}}')
+    result = fleet("mission", "check", "field.plan")
+    assert (result.code, "field.plan: items: an array of 1 to" in result.err) == (3, True)
+
+
 def test_missions_and_runs_are_shown(fleet, yard):
     yard.runs = [state(question=AskedNow(2, "Go on?", 30.0, "abort"))]
     assert "patrol" in fleet("mission", "ls").out

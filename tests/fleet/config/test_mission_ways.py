@@ -66,3 +66,46 @@ def test_an_event_that_nobody_reports_is_found(tmp_path):
     assert fleet(tmp_path, wait, events=["person_seen"]).missions
     wait["wait_for"]["event"] = "lost"
     assert fleet(tmp_path, wait).missions
+
+
+def flown(tmp_path, role, *links, firmware=12, vehicle=2):
+    """Load a fleet of MAVLink vehicles, one of which is to fly a plan."""
+    item = {"type": "SimpleItem", "command": 16, "frame": 3, "params": [0, 0, 0, None, 47.0, 8.0, 9]}
+    mission = {"items": [item], "firmwareType": firmware, "vehicleType": vehicle}
+    (tmp_path / "field.plan").write_text(json.dumps({"fileType": "Plan", "mission": mission}))
+    drones = [
+        {"name": name, "adapter": "mavlink", "link": link, "system_id": number}
+        | {"twin": f"6f0c9a1e-1111-4111-8111-10000000000{number}"}
+        for number, (name, link) in enumerate(zip(("kestrel", "merlin"), links, strict=False), 1)
+    ]
+    steps = [{"id": "fly", "do": {"eye": {"plan": "field.plan"}}}]
+    return fleet(
+        tmp_path,
+        robots=drones,
+        groups={"drones": [drone["name"] for drone in drones]},
+        missions={"survey": {"version": 1, "roles": {"eye": role}, "steps": steps}},
+        places={},
+    )
+
+
+def test_a_plan_for_another_autopilot_than_the_robots_is_an_error_with_its_place(tmp_path):
+    why = r"fleet.yaml:\d+:\d+: .*it was made for px4 multirotor, which kestrel is not: no robot of the role"
+    with pytest.raises(InvalidConfig, match=why):
+        flown(tmp_path, {}, "sim:ardupilot")
+
+
+def test_a_plan_for_another_kind_of_vehicle_is_an_error_for_a_real_one_too(tmp_path):
+    with pytest.raises(InvalidConfig, match="made for ardupilot plane, which kestrel is not"):
+        flown(tmp_path, {}, "udpin:127.0.0.1:14550", firmware=3, vehicle=1)
+
+
+def test_a_plan_that_some_robots_of_the_role_do_not_fly_is_a_warning(tmp_path):
+    warnings = flown(tmp_path, {}, "sim:px4", "sim:ardupilot").warnings
+    assert [each.message for each in warnings if "missions" in each.path] == [
+        "it was made for px4 multirotor, which merlin is not"
+    ]
+
+
+@pytest.mark.parametrize("link", ["sim:px4", "udpin:127.0.0.1:14550"])
+def test_a_plan_that_the_robot_may_fly_is_fine(tmp_path, link):
+    assert not [each for each in flown(tmp_path, {}, link).warnings if "missions" in each.path]

@@ -73,11 +73,19 @@ ACTS = st.builds(
     timeout=st.sampled_from([5.0, 60.0]),
     retry=st.integers(0, 2),
 )
+FOLLOWS = st.builds(
+    Act, verb=st.just("follow"), value=st.sampled_from(["eye", "feet"]), timeout=st.just(86_400.0)
+)
 PLAYS = {"kestrel": {"in.up": 0, "in.all": 0}, "beast": {"in.down": 0, "in.all": 0}}
 """Roles of the mission within the mission; the rover does not take part in it."""
 
 
 def by_role(*roles):
+    acts = st.one_of(ACTS, ACTS, FOLLOWS).map(lambda act: (act,))
+    return st.dictionaries(st.sampled_from(roles), acts, min_size=1, max_size=2)
+
+
+def undone_by(*roles):
     return st.dictionaries(st.sampled_from(roles), ACTS.map(lambda act: (act,)), min_size=1, max_size=2)
 
 
@@ -91,7 +99,7 @@ DOS = st.builds(
     together=st.booleans(),
     failed_do=st.sampled_from(["hold", "land"]),
     failed_then=st.sampled_from(["continue", "wait", "fail"]),
-    undo=st.one_of(st.just({}), BY_ROLE),
+    undo=st.one_of(st.just({}), undone_by("eye", "feet", "all")),
 )
 OTHERS = st.one_of(
     st.builds(Wait, id=st.just("wait"), seconds=st.just(10.0), only_if=CONDITIONS),
@@ -123,7 +131,7 @@ def inner_missions(draw, begin):
         finish=st.sampled_from(["all", "any", "in.up"]),
         together=st.booleans(),
         failed_then=st.sampled_from(["continue", "wait", "fail"]),
-        undo=st.one_of(st.just({}), acts),
+        undo=st.one_of(st.just({}), undone_by("in.up", "in.down", "in.all")),
         require=st.sampled_from([None, Require(battery_min=20)]),
     )
     inner = draw(st.lists(st.one_of(dos, dos, OTHERS), min_size=1, max_size=3))

@@ -5,6 +5,7 @@ import pytest
 from fleet.config.missions import mission_of
 from fleet.errors import Refused
 from fleet.missions.filling import Filling, members_of, needs_of
+from fleet.missions.plan import plans_taken
 from fleet.missions.report import StartAsk
 from fleet.missions.roles import Candidate
 from fleet.missions.state import Facts
@@ -62,3 +63,21 @@ def test_it_requires_more_of_its_robots_than_the_others_need():
     scan = {**SCAN, "require": {"battery": {"min": 50}}}
     with pytest.raises(Refused, match="cid: its battery is at 20 %, 50 % is required"):
         fill(robot("ada", "goto"), robot("cid", "goto", "takeoff", battery=20.0), scan=scan)
+
+
+def test_a_plan_is_flown_by_a_robot_of_the_autopilot_that_it_was_made_for():
+    items = [{"type": "waypoint", "latitude": 47.4, "longitude": 8.5, "altitude_m": 8}]
+    plan = {"contract": "aerial.mission.v1", "name": "field", "items": items, "made_for": ["px4"]}
+    flies = {
+        "version": 1,
+        "roles": {"eye": {}},
+        "steps": [{"id": "up", "do": {"eye": "takeoff"}}, {"id": "fly", "do": {"eye": {"plan": plan}}}],
+    }
+    ada = robot("ada", "takeoff", *plans_taken({"ardupilot", "multirotor"}), battery=90.0)
+    bob = robot("bob", "takeoff", *plans_taken({"px4", "multirotor"}), battery=20.0)
+    mission = mission_of("survey", flies)
+    program = mission.program({})
+    filled = Filling(lambda: [ada, bob], list, bool).fill(mission, program, StartAsk())
+    assert filled == {"eye": ["bob"]}, "the fuller one has another autopilot"
+    with pytest.raises(Refused, match="ada: flies no plan made for px4"):
+        Filling(lambda: [ada], list, bool).fill(mission, program, StartAsk())

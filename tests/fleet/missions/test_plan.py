@@ -7,7 +7,15 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from fleet.errors import WireError
-from fleet.missions.plan import plan_in
+from fleet.missions.plan import (
+    MADE_FOR,
+    items_of,
+    lacking_words,
+    made_for,
+    plan_in,
+    plan_needs,
+    plans_taken,
+)
 
 HERE = [47.39776, 8.54565, 8]
 JSON = st.recursive(
@@ -94,3 +102,32 @@ def test_whatever_a_file_says_it_is_read_or_refused(content):
             plan_in(json.dumps(document).encode())
         except WireError:
             continue
+
+
+@pytest.mark.parametrize(
+    ("firmware", "vehicle", "kinds"),
+    [
+        (12, 2, ("px4", "multirotor")),
+        (3, 14, ("ardupilot", "multirotor")),
+        (3, 1, ("ardupilot", "plane")),
+        (0, 20, ("vtol",)),
+        (0, 0, ()),
+        (5, 99, ("autopilot 5", "vehicle of type 99")),
+    ],
+)
+def test_what_a_plan_was_made_for_is_kept_beside_what_is_flown(firmware, vehicle, kinds):
+    document = json.loads(plan(item(16, place=HERE)))
+    document["mission"] |= {"firmwareType": firmware, "vehicleType": vehicle}
+    found = plan_in(json.dumps(document).encode())
+    assert made_for(found) == kinds
+    assert items_of(found) == plan_in(plan(item(16, place=HERE)))
+
+
+def test_a_robot_flies_plans_of_its_own_kind_and_one_that_does_not_say_any_that_is_known():
+    copter = plans_taken({"px4", "multirotor"})
+    assert plan_needs({MADE_FOR: ["px4", "multirotor"]}) <= copter
+    assert plan_needs({}) <= copter
+    missing = plan_needs({MADE_FOR: ["ardupilot", "plane"]}) - copter
+    assert lacking_words({*missing, "land"}) == "has no land and flies no plan made for ardupilot, plane"
+    assert plan_needs({MADE_FOR: ["ardupilot", "plane"]}) <= plans_taken(())
+    assert not plan_needs({MADE_FOR: ["autopilot 5"]}) <= plans_taken(())

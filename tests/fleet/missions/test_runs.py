@@ -232,3 +232,21 @@ def test_a_step_that_leads_a_robot_through_its_fence_is_refused_before_anything_
     ((run, _, refusal),) = yard.start()
     assert (run, refusal) == ("", "beast: step go: goal 1 is outside the fence")
     assert all(robot.told == [] for robot in yard.robots.values())
+
+
+def test_who_follows_is_told_whom_and_ends_with_the_step(yard):
+    yard.can = {"goto", "follow"}
+    do = {"feet": {"goto": [1, 2]}, "eye": {"follow": "feet", "distance": 4, "speed": 2}}
+    yard.start({**MISSION, "steps": [{"id": "round", "do": do}]})
+    said = yard.robots["kestrel"].messages[-1]
+    assert {key: said[key] for key in said if key not in ("timestamp", "session_id")} == {
+        "command": "follow",
+        "action_id": "3f2a/round.1/kestrel/1",
+        "robot": "beast",
+        "distance_m": 4.0,
+        "constraints": {"max_speed_ms": 2.0},
+    }
+    yard.done("beast", "goto")
+    assert yard.robots["kestrel"].names == ["follow", "stop"]
+    yard.done("kestrel", "stop")
+    assert yard.last.outcome == "completed"

@@ -36,6 +36,7 @@ class Robot:
     def __init__(self, name):
         self.name = name
         self.told = []
+        self.messages = []
         self.waiting = {}
         self.refuses = {}
         self.shows = True  # its state says that it has joined a run
@@ -66,6 +67,7 @@ class Robot:
     def _take(self, message, way, request_id, answer):
         name = message["command"]
         self.told.append((name, request_id))
+        self.messages.append(message)
         if name in self.refuses:
             answer(Reply(name, ReplyStatus.REJECTED, self.refuses[name]))
         elif name == "join_run":
@@ -132,6 +134,8 @@ class Yard:
         self.soon = []
         self.starts = []
         self.hindered = {}
+        self.elsewhere = {}
+        self.can = {"takeoff", "land", "goto"}
         self.store = None
         self.begin()
 
@@ -145,8 +149,7 @@ class Yard:
             "yard",
             self.robots,
             candidates=lambda: [
-                Candidate(name, "toy", frozenset({"takeoff", "land", "goto"}), Facts(name, "ok", 80.0))
-                for name in self.robots
+                Candidate(name, "toy", frozenset(self.can), Facts(name, "ok", 80.0)) for name in self.robots
             ],
             allowed=lambda robot, origin, _commands, _navigates: self.denied.get((robot, origin.way)),
             site=SiteMap(
@@ -160,6 +163,7 @@ class Yard:
             store=self.store,
             clock=self.clock,
             soon=self.soon.append,
+            elsewhere=lambda robot: self.elsewhere.get(robot, ""),
             hindrance=lambda robot, act: self.hindered.get((robot, act.words), ""),
             together=lambda: Start(self),
             stop=lambda robots, why: self.stopped.append(robots),
@@ -174,12 +178,13 @@ class Yard:
             for call in calls:
                 call()
 
-    def start(self, mission=MISSION, *, run="3f2a", way=Transport.BUS, others=None, **fields):
+    def start(self, mission=MISSION, *, run="3f2a", way=Transport.BUS, others=None, settles=True, **fields):
         began = []
         ask = StartAsk(run=run, session_id="anna", **fields)
         found = mission_of("patrol", mission, others)
         self.runs.start(found, found.program({}), ask, way, lambda *given: began.append(given))
-        self.settle()
+        if settles:
+            self.settle()
         return began
 
     def turn(self, seconds=0.2):

@@ -10,7 +10,16 @@ from fleet.errors import WireError
 from fleet.model.command import Origin, Transport
 from fleet.model.geodesy import GeoPoint
 from fleet.model.geometry import Vector3, quaternion_from_euler, quaternion_from_yaw
-from fleet.model.navigation import Constraints, Control, FollowPath, Goal, GoTo, Navigate, RelativeMove
+from fleet.model.navigation import (
+    Constraints,
+    Control,
+    FollowPath,
+    FollowRobot,
+    Goal,
+    GoTo,
+    Navigate,
+    RelativeMove,
+)
 from fleet.wire.envelope import BadCommand
 from fleet.wire.navigation import decode_navigate
 from fleet.wire.rotation import yaw_of
@@ -488,3 +497,11 @@ FIELDS = [
 )
 def test_any_json_is_read_or_refused(command, members, planar):
     read_or_refused(json.dumps({**members, "command": command}).encode(), planar=planar)
+
+
+def test_another_robot_is_followed_at_a_distance():
+    slowly = {"constraints": {"max_speed_ms": 1}}
+    asked = decode({"command": "follow", "robot": "beast", "distance_m": 3, **slowly})
+    assert asked.ask == FollowRobot("beast", 3.0, Constraints(1.0))
+    assert refused({"command": "follow", "robot": "beast", "distance_m": 0.1}).where == "distance_m"
+    assert refused({"command": "follow", "distance_m": 3}).where == "robot"

@@ -1,8 +1,11 @@
 """A robot is not sent through its fence by a mission: refused at the start, before anything moves."""
 
+import json
+
 import pytest
 
-from fleet.host.edge.mission_ways import WayCheck
+from fleet.config.load import load
+from fleet.host.edge.mission_ways import MissionWays, WayCheck
 from fleet.missions.points import SiteMap
 from fleet.missions.program import Act
 from fleet.model.geodesy import GeoOrigin, geo_from_world
@@ -78,3 +81,19 @@ def test_the_highest_altitude_is_kept(act, words):
 
 def test_a_robot_that_nobody_placed_is_not_sent_anywhere():
     assert "r is not placed in the site's frame" in trouble(Act("goto", [1, 1]), placed=False)
+
+
+@pytest.mark.parametrize(
+    ("robot", "ahead", "stranger"), [("r", "far", "far"), ("far", "r", "far"), ("r", "r", "")]
+)
+def test_one_robot_follows_another_of_its_own_edge_only(tmp_path, robot, ahead, stranger):
+    config = {
+        "edge": {"id": "yard"},
+        "robots": [{"name": "r", "twin": TWIN, "adapter": "mavlink", "link": "sim:px4"}],
+    }
+    (tmp_path / "fleet.yaml").write_text(json.dumps(config))
+    state = RobotState("r", TWIN, "mavlink", "yard", 0.0)
+    ways = MissionWays(load(tmp_path / "fleet.yaml", {}), lambda _: state)
+    why = ways.hindrance(robot, Act("follow", ahead, {"distance_m": 3.0}))
+    wanted = f"{stranger} is a robot of another edge: one follows another of its own edge only"
+    assert why == (wanted if stranger else "")

@@ -6,7 +6,7 @@ import pytest
 from fleet.adapter import Adapter, AdapterConfig, FrameAdapter
 from fleet.commands import command
 from fleet.errors import Refused
-from fleet.host.robot.adapter_factory import capabilities, create_adapter, start_command, timed
+from fleet.host.robot.adapter_factory import capabilities, configured, create_adapter, start_command
 from fleet.host.robot.frame_adapter_runner import FrameAdapterRunner
 from fleet.model.command import Command
 from fleet.model.geometry import Vector3, Velocity
@@ -14,6 +14,7 @@ from fleet.model.navigation import FlyMission, Goal, GoTo, Progress
 from fleet.robot_config import Limits
 from fleet.testing.robot import RecordingRobot
 from fleet_mavlink.adapter import MavlinkAdapter
+from fleet_mavlink.config import MavlinkConfig
 from fleet_quadruped.adapter import QuadrupedAdapter
 from fleet_ugv.adapter import UgvAdapter
 
@@ -114,7 +115,9 @@ def test_the_built_in_robots_refuse_the_ways_that_they_cannot_go_and_no_others(p
 
 
 def test_a_robot_that_lacks_a_part_of_the_vocabulary_refuses_it_with_the_reason():
-    can = msgspec.structs.replace(timed(capabilities(Brainy), Config(name="b", twin=TWIN)), navigates=True)
+    can = msgspec.structs.replace(
+        configured(capabilities(Brainy), Config(name="b", twin=TWIN)), navigates=True
+    )
     assert can.command("dance") is not None
     assert can.refusal(Velocity(Vector3(-1.0, 0.0, 0.0))) is None
     can.lacking.update(dance="it has no legs", move_backward="it only goes ahead", goto="it knows no place")
@@ -127,6 +130,23 @@ def test_a_robot_that_lacks_a_part_of_the_vocabulary_refuses_it_with_the_reason(
 
 
 def test_what_one_robot_lacks_others_of_its_kind_have():
-    one, other = (timed(capabilities(Brainy), Config(name=name, twin=TWIN)) for name in ("one", "other"))
+    one, other = (configured(capabilities(Brainy), Config(name=name, twin=TWIN)) for name in ("one", "other"))
     one.lacking["dance"] = "it has no legs"
     assert other.command("dance") is not None
+
+
+def mavlink(link):
+    return MavlinkConfig(
+        name="kestrel", twin="6f0c9a1e-3a6c-4f5e-9d2e-0c5a4b3d2e1f", adapter="mavlink", link=link
+    )
+
+
+def test_a_robot_flies_the_plans_of_its_autopilot_and_kind_once_these_are_known():
+    can = configured(capabilities(MavlinkAdapter), mavlink("udpin:127.0.0.1:14550"))
+    every = {"ardupilot", "px4", "multirotor", "rover", "boat"}
+    assert can.plans == can.on("", "").plans == every
+    assert can.on("px4", "hexarotor").plans == {"px4", "multirotor"}
+    assert can.on("ardupilot", "ground_rover").plans == {"ardupilot", "rover"}
+    assert can.on("an unknown autopilot", "vtol_tiltrotor").plans == every, "it flies no plans at all"
+    simulated = configured(capabilities(MavlinkAdapter), mavlink("sim:ardupilot?vehicle=rover"))
+    assert simulated.plans == {"ardupilot", "rover"}

@@ -1,0 +1,57 @@
+"""What a run cannot ask of robots of other edges, said before anything moves; pure."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+
+from fleet.errors import Refused
+from fleet.missions.program import Condition, Loop, Program, WaitFor
+from fleet.missions.run_robots import RunRobots
+
+Elsewhere = Callable[[str], str]
+"""The other edge that has a robot; empty for one of this edge."""
+
+
+def require_reach(program: Program, robots: RunRobots, edge: str, elsewhere: Elsewhere) -> None:
+    """Raise Refused for what cannot be kept, or heard, where robots of other edges take part."""
+    others = {name: there for name in robots.members if (there := elsewhere(name))}
+    if others and program.occupies:
+        name, there = min(others.items())
+        raise Refused(
+            f"{', '.join(program.occupies)}: nobody keeps a place free on two edges, and {name} of {there} "
+            f"takes part",
+            hint=f"leave out occupies, or the robots of {there}",
+        )
+    for step, condition in _conditions(program):
+        names = (each.robot for each in robots.members.values() if _is_meant(robots, each.robot, condition))
+        unheard = next((name for name in names if name in others), "")
+        if condition.event and unheard:
+            raise Refused(
+                f"step {step}: {edge} hears no events of {unheard}, a robot of {others[unheard]}",
+                hint="wait for its battery or health, or for an event of a robot of this edge",
+            )
+
+
+def not_kept_apart(robots: RunRobots, elsewhere: Elsewhere) -> str:
+    """Return which robots of a run nobody keeps apart from each other, in words; empty for none."""
+    edges: dict[str, list[str]] = {}
+    for name in robots.members:
+        edges.setdefault(elsewhere(name), []).append(name)
+    sides = [", ".join(names) for names in edges.values()]
+    if len(sides) < 2:
+        return ""
+    return f"Nobody keeps {' and '.join(sides)} apart: they are robots of different edges"
+
+
+def _conditions(program: Program) -> Iterator[tuple[str, Condition]]:
+    """Yield the conditions of a program with the steps that they belong to."""
+    for step in program.steps:
+        found = [step.only_if]
+        found += [step.condition] if isinstance(step, WaitFor) else []
+        found += [step.until] if isinstance(step, Loop) else []
+        yield from ((step.id, each) for each in found if each is not None)
+
+
+def _is_meant(robots: RunRobots, robot: str, condition: Condition) -> bool:
+    """Return whether a condition is one of a robot."""
+    return condition.role == "all" or robots.plays(robot, condition.role)
