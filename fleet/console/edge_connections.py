@@ -19,6 +19,7 @@ from fleet.console.task import ConsoleTask
 from fleet.errors import WireError
 from fleet.missions.report import MissionState, RunState
 from fleet.model.description import RobotDescription
+from fleet.model.permission import Permission
 from fleet.model.report import PoseReport
 from fleet.model.state import EdgeState, RobotState
 from fleet.runtime.decoding import decode_json
@@ -77,7 +78,11 @@ class EdgeConnections:
 
     def _ask_states(self, control: ZenohSession) -> None:
         """Ask for what does not change and so is not published soon; blocks."""
-        for key in (keys.health("*"), keys.state("*", "*"), keys.mission("*", "*"), keys.run("*", "*")):
+        ours = [
+            keys.as_console(key, Permission.VIEW.word, control.identity)
+            for key in (keys.mission("*", "*"), keys.run("*", "*"))
+        ]
+        for key in (keys.health("*"), keys.state("*", "*"), *ours):
             for answered, data in control.ask(key, b"", timeout=ANSWER_WITHIN):
                 self._arrived(answered, data)
 

@@ -7,16 +7,13 @@ from typing import Annotated, Any, Literal
 
 import msgspec
 
-from fleet.console.sessions import Permission
 from fleet.errors import WireError
+from fleet.model.permission import Permission, needed_for_command
 from fleet.runtime.decoding import json_decoder
 
 MOST_ROBOTS = 1000  # in one request
 LONGEST_WORD = 200  # characters of an identity, a name, a reason
 FASTEST = 50.0  # m/s or rad/s; each robot's own limits are the edge's business
-ADMIN_COMMANDS = frozenset({"restart_adapter", "set_parameters", "reboot"})
-"""Commands that change a robot for longer than its next motion."""
-
 
 Speed = Annotated[float, msgspec.Meta(ge=-FASTEST, le=FASTEST)]
 
@@ -138,7 +135,6 @@ _NEEDS: Mapping[type[object], Permission] = {
     PingAsked: Permission.VIEW,
     ReleaseAsked: Permission.OPERATE,
     GotoAsked: Permission.OPERATE,
-    CommandAsked: Permission.OPERATE,
     DriveAsked: Permission.OPERATE,
     MissionAsked: Permission.OPERATE,
     RunAsked: Permission.OPERATE,
@@ -152,8 +148,8 @@ _WORDS = ("request", "robot", "command", "why", "edge", "name", "run")
 
 def needed_for(asked: Asked) -> Permission:
     """Return the permission that a request needs."""
-    if isinstance(asked, CommandAsked) and asked.command in ADMIN_COMMANDS:
-        return Permission.ADMIN
+    if isinstance(asked, CommandAsked):
+        return needed_for_command(asked.command)
     return _NEEDS[type(asked)]
 
 

@@ -59,7 +59,7 @@ class Tab:
         self._operator = operator
         self._open: set[asyncio.Task[None]] = set()
         self._sending = asyncio.Lock()
-        self._driving = Driving(operator.name, hub.edges.lane_to, hub.clock, self._drove)
+        self._driving = Driving(operator, hub.edges.lane_to, hub.clock, self._drove)
         self._calls: Mapping[type[object], Call] = {
             StopAsked: self._stop,
             ReleaseAsked: self._command,
@@ -136,9 +136,7 @@ class Tab:
         if isinstance(asked, PingAsked):
             await self._send(msgspec.json.encode({"type": "pong", "number": asked.number}))
             return
-        needed = needed_for(asked)
-        if needed > self._operator.permission:
-            why = f"it needs the permission {needed.word}; yours is {self._operator.permission.word}"
+        if why := self._operator.permission.refusal(needed_for(asked)):
             await self._tell(getattr(asked, "request", ""), "", {"status": "rejected", "reason": why})
         elif isinstance(asked, WatchAsked):
             self.watched = asked.robot
@@ -189,7 +187,7 @@ class Tab:
         lane = self._hub.edges.lane_to(robot.edge)
         if lane is None:
             raise Refused(f"{name} cannot be asked: no edge is reached")
-        async for reply in commands.send(prepared, lane, self._operator.name, self._hub.clock):
+        async for reply in commands.send(prepared, lane, self._operator, self._hub.clock):
             await self._tell(request, name, _shown(reply))
 
     async def _causes(self, asked: CausesAsked) -> None:
@@ -208,13 +206,13 @@ class Tab:
     async def _mission(self, asked: MissionAsked) -> None:
         """Start a mission."""
         lanes = list(self._hub.edges.lanes().values())
-        start = asyncio.to_thread(missions.start, asked, lanes, self._operator.name, self._hub.clock)
+        start = asyncio.to_thread(missions.start, asked, lanes, self._operator, self._hub.clock)
         await self._tell(asked.request, "", await start)
 
     async def _run(self, asked: RunAsked) -> None:
         """Control a run."""
         lanes = list(self._hub.edges.lanes().values())
-        control = asyncio.to_thread(missions.control, asked, lanes, self._operator.name)
+        control = asyncio.to_thread(missions.control, asked, lanes, self._operator)
         await self._tell(asked.request, "", await control)
 
 

@@ -9,12 +9,12 @@ import pytest
 import yaml
 
 from fleet.config.load import load
-from fleet.console.sessions import Permission
 from fleet.history.record import Record
 from fleet.model.command import Reply, ReplyStatus, Transport
 from fleet.model.description import CommandDescription, ParameterDescription, RobotDescription
 from fleet.model.event import EventKind, Requester
 from fleet.model.geometry import Vector3
+from fleet.model.permission import Permission
 from fleet.model.site import Placement
 from fleet.model.state import RobotState
 from fleet.testing.waiting import wait_until
