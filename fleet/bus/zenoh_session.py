@@ -165,13 +165,21 @@ class ZenohSession:
         else:
             self._session.put(key, payload, attachment=note)
 
-    def subscribe(self, key: str, call: OnSample) -> None:
-        """Call ``call`` with key and payload of each sample published under ``key``."""
+    def subscribe(self, key: str, call: OnSample) -> Callable[[], None]:
+        """Call ``call`` with key and payload of each sample published under ``key``; returns what ends it."""
 
         def arrived(sample: zenoh.Sample) -> None:
             call(*_read(sample))
 
-        self._kept.append(self._session.declare_subscriber(key, _direct(arrived)))
+        subscriber = self._session.declare_subscriber(key, _direct(arrived))
+        self._kept.append(subscriber)
+
+        def end() -> None:
+            if subscriber in self._kept:
+                self._kept.remove(subscriber)
+                subscriber.undeclare()
+
+        return end
 
     def subscribe_noted(self, key: str, call: OnNoted) -> None:
         """Call ``call`` with payload and note of each sample under ``key``; the note is empty if absent."""

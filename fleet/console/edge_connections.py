@@ -16,6 +16,7 @@ from fleet.bus.zenoh_session import ZenohSession
 from fleet.clock import Clock
 from fleet.console.fleet_view import FleetView, Goals
 from fleet.console.task import ConsoleTask
+from fleet.console.watched_reports import WatchedReports
 from fleet.errors import WireError
 from fleet.missions.report import MissionState, RunState
 from fleet.model.description import RobotDescription
@@ -40,6 +41,7 @@ class EdgeConnections:
         self._edges = EdgeBuses(
             task.edges, directory, clock, only=task.only, opened=self._opened, told=self._told
         )
+        self.watched = WatchedReports(view, self._edges.joined)
         self._lock = threading.Lock()
         self._pending: dict[str, bytes] = {}
         self._takers: Mapping[str, Callable[[list[str], bytes], None]] = {
@@ -111,6 +113,7 @@ class EdgeConnections:
 
     def take(self) -> None:
         """Take what arrived into the view; what cannot be read is logged and left out."""
+        self.watched.take()
         with self._lock:
             pending, self._pending = self._pending, {}
         # States first: a pose is shown in the frame that its robot's state tells.

@@ -18,7 +18,7 @@ from fleet.model.geometry import Vector3, wrap_angle
 from fleet.model.report import PoseReport
 from fleet.model.state import EdgeState, RobotState
 
-KINDS = ("edges", "robots", "poses", "goals", "descriptions", "stops", "missions", "runs")
+KINDS = ("edges", "robots", "poses", "goals", "descriptions", "stops", "missions", "runs", "numbers")
 """The kinds of entries, in the order in which a page takes them."""
 MOST_STOPS = 20  # stops that are shown; older ones are in the history
 MOST_RUNS = 30

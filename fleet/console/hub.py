@@ -57,8 +57,10 @@ class Hub:
         self._count += 1
         self.edges.take()
         self._news.clear()
+        watched = {tab.watched for tab in self.tabs} - {""}
+        self.edges.watched.watch(watched)
         if self._count % DESCRIBE == 0:
-            for robot in {tab.watched for tab in self.tabs} - {""}:
+            for robot in watched:
                 self.edges.ask_description(robot)
         tick, self._tick = self._tick, asyncio.Event()
         tick.set()

@@ -15,6 +15,7 @@ export const store = {
   stops: {},
   missions: {},
   runs: {},
+  numbers: {},
   tracks: {},
   operator: "",
   permission: "view",
@@ -70,7 +71,7 @@ function takeNews(message) {
   store.now = message.now;
   store.time = message.time;
   const kinds = new Set();
-  for (const kind of ["edges", "robots", "poses", "goals", "descriptions", "stops", "missions", "runs"]) {
+  for (const kind of ["edges", "robots", "poses", "goals", "descriptions", "stops", "missions", "runs", "numbers"]) {
     if (!message[kind]) continue;
     kinds.add(kind);
     Object.assign(store[kind], message[kind]);

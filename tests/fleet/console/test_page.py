@@ -244,7 +244,26 @@ def test_buttons_come_from_the_declared_commands_with_units_limits_and_why_not_n
     assert (message["command"], message["data"]) == ("beep", {"seconds": 2.5})
     dock = page.locator("button.command", has_text="dock")
     assert dock.get_attribute("aria-disabled") == "true"
-    assert "the battery is full" in page.inner_text("#robot .why")
+    assert "Not now dock the battery is full" in " ".join(page.inner_text("#robot .cannot").split())
+
+
+def test_any_number_that_a_robot_reports_is_plotted(open_page, yard):
+    page = open_page()
+    page.click(row(REX))
+    twin = "6f0c9a1e-8d2b-4c57-9a39-2f4a1d0b7c11"
+    told = iter(range(1_000_000))
+
+    def offered():
+        message = {"percent": 80.0, "current": next(told)}
+        yard.bus.reports.put(f"cw/{twin}/data/battery", json.dumps(message).encode())
+        return page.locator("#robot .plots option", has_text="battery.current").count()
+
+    wait_until("it is offered", offered)
+    page.select_option("#robot .plots select", "battery.current")
+    page.wait_for_selector(".plot canvas")
+    wait_until("it moves", lambda: offered() == 0 and int(page.inner_text(".plot .value")) > 3)
+    page.click(".plot button.link")
+    assert page.locator(".plot").count() == 0
 
 
 def test_a_release_is_an_act_of_its_own_that_shows_who_stopped(open_page, yard):
@@ -370,6 +389,33 @@ def test_a_pad_ends_when_the_answers_take_too_long(pad):
     muted.append(True)
     shows(page, ".pad [role=status]", "no answer within 300 ms")
     wait_until("the zero", lambda: driven(asked)[-1] == 0.0)
+
+
+GAMEPAD = """window.gamepad = {connected: true, axes: [0, 0, 0, 0], buttons: Array(16).fill({})};
+navigator.getGamepads = () => [window.gamepad];
+window.hold = (button, forward) => {
+    gamepad.buttons = gamepad.buttons.map((_, index) => ({pressed: index === button}));
+    gamepad.axes = [0, -forward, 0, 0];
+};"""
+
+
+def test_a_gamepad_drives_only_while_a_shoulder_button_is_held_and_from_sticks_in_the_middle(open_page, yard):
+    asked = yard.answers("rex", Reply("motion", ReplyStatus.ACCEPTED))
+    page = open_page()
+    page.click(row(REX))
+    page.wait_for_selector(".pad")
+    page.evaluate(GAMEPAD)
+    page.evaluate("dispatchEvent(new Event('gamepadconnected'))")
+    page.evaluate("hold(null, 1)")  # a stick alone moves nothing
+    page.evaluate("new Promise((resume) => setTimeout(resume, 120)).then(() => hold(5, 1))")
+    shows(page, ".pad [role=status]", "Let go of the sticks")
+    assert driven(asked) == []
+    page.evaluate("hold(5, 0)")
+    wait_until("it holds", lambda: page.evaluate("1") and driven(asked))
+    page.evaluate("hold(5, 1)")
+    wait_until("it drives", lambda: page.evaluate("1") and 1.0 in driven(asked))
+    page.evaluate("hold(null, 1)")
+    wait_until("the zero", lambda: page.evaluate("1") and driven(asked)[-1] == 0.0)
 
 
 def test_a_refusal_ends_the_pad_and_is_shown(open_page, yard):
