@@ -5,6 +5,7 @@ from __future__ import annotations
 import logging
 import threading
 from collections.abc import Callable, Mapping
+from functools import partial
 from pathlib import Path
 
 import msgspec
@@ -22,6 +23,7 @@ from fleet.missions.report import MissionState, RunState
 from fleet.model.description import RobotDescription
 from fleet.model.permission import Permission
 from fleet.model.report import PoseReport
+from fleet.model.schedule import ScheduleAnswer, ScheduleAsked
 from fleet.model.state import EdgeState, RobotState
 from fleet.runtime.decoding import decode_json
 from fleet.wire.databus import decode_report
@@ -51,6 +53,7 @@ class EdgeConnections:
             "places": self._take_places,
             "missions": self._take_mission,
             "runs": self._take_run,
+            "schedules": self._take_schedules,
             "data": self._take_pose,
         }
 
@@ -101,6 +104,19 @@ class EdgeConnections:
                 on_end=lambda: None,
             )
 
+    def ask_schedules(self) -> None:
+        """Ask each edge for its schedules; the answers arrive like what is published."""
+        payload = msgspec.json.encode(ScheduleAsked())
+        for edge, lane in self.lanes().items():
+            key = keys.schedules(edge)
+            lane.ask_later(
+                keys.as_console(key, Permission.VIEW.word, lane.identity),
+                payload,
+                timeout=ANSWER_WITHIN,
+                on_answer=partial(self._arrived, key),
+                on_end=lambda: None,
+            )
+
     def _arrived(self, key: str, payload: bytes) -> None:
         """Keep the newest of a key; on the bus's threads."""
         with self._lock:
@@ -142,6 +158,10 @@ class EdgeConnections:
     def _take_description(self, parts: list[str], payload: bytes) -> None:
         """Take what a robot takes."""
         self._view.take_description(parts[1], decode_json(payload, RobotDescription))
+
+    def _take_schedules(self, parts: list[str], payload: bytes) -> None:
+        """Take the schedules of an edge."""
+        self._view.take_schedules(parts[1], decode_json(payload, ScheduleAnswer).schedules)
 
     def _take_mission(self, _parts: list[str], payload: bytes) -> None:
         """Take a mission that can be started."""

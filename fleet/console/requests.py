@@ -95,6 +95,32 @@ class RunAsked(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_fiel
     goes_on: bool = False
 
 
+class ControlAsked(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field="ask", tag="control"):
+    """Ask whoever has control of a robot to give it."""
+
+    request: str
+    robot: str
+
+
+class GiveAsked(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field="ask", tag="give"):
+    """Answer who asks for a robot of which one has control: give it, which stops the robot, or keep it."""
+
+    request: str
+    robot: str
+    give: bool
+
+
+class ScheduleChange(
+    msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field="ask", tag="schedule"
+):
+    """Switch a schedule of an edge on or off, or start its mission now."""
+
+    request: str
+    edge: str
+    name: str
+    do: Literal["enable", "disable", "run"]
+
+
 class WatchAsked(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field="ask", tag="watch"):
     """Tell what this robot takes, for as long as its page is open; an empty name: none."""
 
@@ -122,7 +148,17 @@ class PingAsked(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_fie
 
 
 Request = (
-    StopAsked | ReleaseAsked | GotoAsked | CommandAsked | CausesAsked | HistoryAsked | MissionAsked | RunAsked
+    StopAsked
+    | ReleaseAsked
+    | GotoAsked
+    | CommandAsked
+    | CausesAsked
+    | HistoryAsked
+    | MissionAsked
+    | RunAsked
+    | ControlAsked
+    | GiveAsked
+    | ScheduleChange
 )
 """What is answered by its request's name."""
 Asked = Request | DriveAsked | WatchAsked | PingAsked
@@ -138,6 +174,9 @@ _NEEDS: Mapping[type[object], Permission] = {
     DriveAsked: Permission.OPERATE,
     MissionAsked: Permission.OPERATE,
     RunAsked: Permission.OPERATE,
+    ControlAsked: Permission.OPERATE,
+    GiveAsked: Permission.OPERATE,
+    ScheduleChange: Permission.OPERATE,
 }
 """The permission that each request needs; a stop is everybody's."""
 

@@ -11,13 +11,15 @@ from typing import TYPE_CHECKING, Any
 import msgspec
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
-from fleet.console import commands, missions
+from fleet.console import commands, control, missions, schedules
 from fleet.console.driving import Driving
 from fleet.console.requests import (
     Asked,
     CausesAsked,
     CommandAsked,
+    ControlAsked,
     DriveAsked,
+    GiveAsked,
     GotoAsked,
     HistoryAsked,
     MissionAsked,
@@ -25,6 +27,7 @@ from fleet.console.requests import (
     ReleaseAsked,
     Request,
     RunAsked,
+    ScheduleChange,
     StopAsked,
     WatchAsked,
     needed_for,
@@ -69,6 +72,9 @@ class Tab:
             HistoryAsked: self._history,
             MissionAsked: self._mission,
             RunAsked: self._run,
+            ControlAsked: self._control,
+            GiveAsked: self._give,
+            ScheduleChange: self._schedule,
         }
 
     async def run(self) -> None:
@@ -214,6 +220,26 @@ class Tab:
         lanes = list(self._hub.edges.lanes().values())
         control = asyncio.to_thread(missions.control, asked, lanes, self._operator)
         await self._tell(asked.request, "", await control)
+
+    async def _control(self, asked: ControlAsked) -> None:
+        """Ask for control of a robot."""
+        self._hub.view.put("requests", asked.robot, control.asked(asked, self._hub.view, self._operator))
+        await self._tell(asked.request, "", {"status": "accepted"})
+
+    async def _give(self, asked: GiveAsked) -> None:
+        """Give control of a robot, or keep it."""
+        answered = control.answered(asked, self._hub.view, self._operator)
+        if asked.give:
+            await self._command(CommandAsked(asked.request, asked.robot, "stop"))
+        self._hub.view.put("requests", asked.robot, answered)
+        await self._tell(asked.request, "", {"status": "accepted", "done": True})
+
+    async def _schedule(self, asked: ScheduleChange) -> None:
+        """Change a schedule."""
+        lanes = list(self._hub.edges.lanes().values())
+        found = await asyncio.to_thread(schedules.change, asked, lanes, self._operator)
+        self._hub.view.take_schedules(asked.edge, found)
+        await self._tell(asked.request, "", {"status": "accepted", "done": True})
 
 
 def _shown(reply: Reply) -> dict[str, object]:

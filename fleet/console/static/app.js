@@ -1,6 +1,7 @@
 // The page: its parts, each started once.
 
 import { startAnswers } from "./answers.js";
+import { startControl } from "./control.js";
 import { startMap } from "./map.js";
 import { startPad } from "./pad.js";
 import { startPanel } from "./panel.js";
@@ -14,4 +15,5 @@ startPanel();
 startAnswers();
 startMap();
 startPad();
+startControl();
 start();

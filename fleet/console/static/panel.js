@@ -2,7 +2,8 @@
 
 import { byId, counted, duration, element, figure, healthMark, show, timeOfDay } from "./dom.js";
 import { order } from "./answers.js";
-import { health, healthKey, missions, runs } from "./overview.js";
+import { askButton, holder, isAnothers } from "./control.js";
+import { health, healthKey, missions, runs, schedules } from "./overview.js";
 import { noPad, padOf } from "./pad.js";
 import { plots, plotsKey, startPlots } from "./plots.js";
 import { ask, label, onChange, send, staleness, store } from "./store.js";
@@ -36,6 +37,7 @@ function facts(robot) {
     ...fact("Speed", figure(robot.speed, 2, "m/s")),
     ...fact(robot.site ? "Position" : "Own frame", position(robot), "m"),
     ...fact("Heading", yaw === undefined || yaw === null ? "–" : `${Math.round((yaw * 180) / Math.PI)}°`, "from east"),
+    ...fact("Control", holder(robot)),
     ...fact("Link", robot.reachable ? "reachable" : "not reachable", robot.age === null ? "never heard" : `heard ${duration(robot.age)} ago`),
     ...fact("Last command", robot.last_command ? `${robot.last_command}: ${robot.last_outcome}` : "–"),
     ...(robot.separation ? fact("Separation", robot.separation) : []),
@@ -278,11 +280,14 @@ function draw() {
   part("runs", alone && [store.runs, store.permission], () => (alone ? runs() : []));
   part("missions", alone && [store.missions, store.permission], () => (alone ? missions() : []));
   part("cannot", robot && described && [robot.id, described, store.permission], () => (robot && described ? cannot(robot, described) : []));
+  part("schedules", alone && [store.schedules, store.permission], () => (alone ? schedules() : []));
   part("figures", robot && [robot, position(robot), store.poses[robot.id]], () => (robot ? [facts(robot)] : []));
   const drives = robot && described?.drives && operates() ? described : null;
   part("driving", drives && [robot.id, drives.limits], () => (drives ? [element("h3", {}, "Drive by hand"), padOf(robot, drives)] : noPad() || []));
   // While a form is open, nothing that is told replaces what is typed into it.
   part("asking", robot && [robot.id, opened || described, robot.run, store.permission], () => (robot ? commands(robot) : []));
+  const others = robot && operates() && isAnothers(robot);
+  part("control", others && [robot.id, robot.control], () => (others ? [askButton(robot)] : []));
   part("plots", robot && [robot.id, plotsKey(robot)], () => (robot ? plots(robot) : []));
   part("history", robot && [robot.id, past], () => (robot ? history(robot) : []));
 }

@@ -16,6 +16,8 @@ export const store = {
   missions: {},
   runs: {},
   numbers: {},
+  schedules: {},
+  requests: {},
   tracks: {},
   operator: "",
   permission: "view",
@@ -71,7 +73,7 @@ function takeNews(message) {
   store.now = message.now;
   store.time = message.time;
   const kinds = new Set();
-  for (const kind of ["edges", "robots", "poses", "goals", "descriptions", "stops", "missions", "runs", "numbers"]) {
+  for (const kind of ["edges", "robots", "poses", "goals", "descriptions", "stops", "missions", "runs", "numbers", "schedules", "requests"]) {
     if (!message[kind]) continue;
     kinds.add(kind);
     Object.assign(store[kind], message[kind]);

@@ -324,6 +324,7 @@ class LocalRobot:
             run=self.controller.lease.run,
             left_run=self.controller.lease.left,
             heading=rounded(self._seen.heading),
+            control=self.controller.lease.holder(self._clock.monotonic()),
         )
 
     def describe(self) -> RobotDescription:
