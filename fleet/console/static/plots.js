@@ -55,6 +55,8 @@ function load() {
 
 const color = (name) => () => getComputedStyle(document.body).getPropertyValue(name).trim();
 
+const clock = (stamp) => new Date(stamp * 1000).toTimeString().slice(0, 8);
+
 function chartOf(place, name) {
   const axis = { stroke: color("--dim"), grid: { stroke: color("--line"), width: 1 }, ticks: { show: false }, font: "11px system-ui" };
   const options = {
@@ -63,7 +65,7 @@ function chartOf(place, name) {
     legend: { show: false },
     cursor: { y: false },
     series: [{}, { stroke: color("--accent"), width: 1.5, points: { show: false } }],
-    axes: [{ ...axis, size: 26 }, { ...axis, size: 48 }],
+    axes: [{ ...axis, size: 26, space: 70, values: (_, stamps) => stamps.map(clock) }, { ...axis, size: 48 }],
   };
   charts.set(name, new uPlot(options, series[name] || [[], []], place));
 }
@@ -79,7 +81,7 @@ function row(name) {
   charts.get(name)?.destroy();
   charts.delete(name);
   loading.then(() => place.isConnected && chartOf(place, name));
-  return element("div", { class: "plot", data: { number: name } }, element("div", { class: "head" }, element("b", {}, name), words, element("button", { type: "button", class: "link", onclick: close, "aria-label": `Close the plot of ${name}` }, "close")), place);
+  return element("div", { class: "plot", data: { number: name } }, element("div", { class: "head" }, element("b", {}, name.replaceAll(".", ".\u200b").replaceAll("_", "_\u200b")), words, element("button", { type: "button", class: "link", onclick: close, "aria-label": `Close the plot of ${name}` }, "close")), place);
 }
 
 function names() {

@@ -3,6 +3,7 @@
 import contextlib
 import json
 import re
+from pathlib import Path
 
 import msgspec
 import pytest
@@ -20,6 +21,7 @@ from fleet.model.state import RobotState
 from fleet.testing.waiting import wait_until
 
 WAIT = 60_000  # ms; busy computers are slow
+AXE = Path(__file__).parents[2] / "data" / "axe" / "axe.min.js"  # axe-core 4.14.1, unchanged
 SCRIPT = "<img src=x onerror=window.broken=1>"
 REX, BEAST = "yard-1/rex", "yard-1/beast"
 
@@ -71,14 +73,16 @@ def open_page(browser, console, yard):
     with contextlib.ExitStack() as stack:
         errors = []
 
-        def open_page(permission=Permission.ADMIN, prepare=lambda _page: None, *, loads=True, **options):
+        def open_page(
+            permission=Permission.ADMIN, prepare=lambda _page: None, *, loads=True, operator="anna", **options
+        ):
             context = browser.new_context(viewport={"width": 1200, "height": 800}, **options)
             stack.callback(context.close)
             page = context.new_page()
             page.set_default_timeout(WAIT)
             page.on("pageerror", lambda error: errors.append(str(error)))
             prepare(page)
-            page.goto(console.link(permission), wait_until="load" if loads else "commit")
+            page.goto(console.link(permission, operator), wait_until="load" if loads else "commit")
             if loads:
                 page.wait_for_selector(row(REX))
                 page.wait_for_selector(row(BEAST))
@@ -434,8 +438,25 @@ def test_what_is_wrong_is_shown_by_cause_while_no_robot_is_selected(open_page, y
     yard.bus.control.put("fleet/yard-1/robots/beast/state", msgspec.json.encode(stuck))
     shows(page, "#robot .causes", f"{SCRIPT} is stuck")
     shows(page, "#robot .causes", "since ")
+    shows(page, "#robot .causes .next", "Look at its history")
     page.click(".causes button.link >> nth=0")
     page.wait_for_selector('#robots [aria-selected="true"]')
+
+
+def test_who_has_control_is_asked_for_it_and_gives_it_which_stops_the_robot(open_page, yard):
+    asked = yard.answers("beast", Reply("stop", ReplyStatus.ACCEPTED, done=True))
+    driven = RobotState("beast", "", "toy", "yard-1", 2.0, health="ok", control="ben", reachable=True)
+    anna, ben = open_page(), open_page(operator="ben")
+    yard.bus.control.put("fleet/yard-1/robots/beast/state", msgspec.json.encode(driven))
+    anna.click(row(BEAST))
+    anna.click("button.ask-control")
+    shows(anna, "#asks", "ben is asked for beast")
+    shows(ben, "#asks", "anna asks for control of beast")
+    ben.click("#asks button.primary")
+    wait_until("the stop", lambda: ben.evaluate("1") and asked)
+    message = json.loads(asked[0].payload)
+    assert (message["command"], message["session_id"]) == ("stop", "ben")
+    shows(anna, "#asks", "ben gave beast")
 
 
 @pytest.mark.parametrize("scheme", ["light", "dark"])
@@ -445,6 +466,27 @@ def test_every_text_of_the_page_can_be_read(open_page, scheme):
     page.click('[data-stop="selected"]')
     page.wait_for_selector("#stop-detail table")
     assert page.evaluate(CONTRASTS) == []
+
+
+def test_axe_finds_no_barrier_on_the_overview_on_a_robots_page_and_while_one_is_stopped(open_page, yard):
+    page = open_page()
+    checked = AXE.read_text()
+
+    def barriers():
+        page.evaluate(checked)
+        found = page.evaluate("axe.run()")
+        assert len(found["passes"]) > 15
+        return [(each["id"], [node["html"] for node in each["nodes"]]) for each in found["violations"]]
+
+    assert barriers() == []
+    page.click(row(REX))
+    page.wait_for_selector("button.command")
+    page.click("text=beep…")
+    assert barriers() == []
+    page.click('[data-stop="selected"]')
+    page.click("#robot button.release")
+    page.wait_for_selector("#robot .confirm")
+    assert barriers() == []
 
 
 CONTRASTS = """() => {
