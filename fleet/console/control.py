@@ -13,8 +13,8 @@ from fleet.console.sessions import Operator
 from fleet.errors import Refused
 
 
-def asked(asked: ControlAsked, view: FleetView, operator: Operator) -> dict[str, object]:
-    """Return the request as pages show it; raises Refused where there is nobody to ask."""
+def asked(asked: ControlAsked, view: FleetView, operator: Operator, now: float) -> dict[str, object]:
+    """Return the request as pages show it, made ``now`` (Unix s); raises Refused without anybody to ask."""
     state = view.states.get(asked.robot)
     if state is None:
         raise Refused(f"there is no robot {asked.robot}")
@@ -25,7 +25,7 @@ def asked(asked: ControlAsked, view: FleetView, operator: Operator) -> dict[str,
     if state.control == operator.name:
         raise Refused("you have control of it")
     told = {"request": asked.request, "by": operator.name, "holder": state.control, "answer": ""}
-    return told | {"at": state.stamp}
+    return told | {"at": now}
 
 
 def answered(asked: GiveAsked, view: FleetView, operator: Operator) -> dict[str, object]:

@@ -223,7 +223,8 @@ class Tab:
 
     async def _control(self, asked: ControlAsked) -> None:
         """Ask for control of a robot."""
-        self._hub.view.put("requests", asked.robot, control.asked(asked, self._hub.view, self._operator))
+        told = control.asked(asked, self._hub.view, self._operator, self._hub.clock.time())
+        self._hub.view.put("requests", asked.robot, told)
         await self._tell(asked.request, "", {"status": "accepted"})
 
     async def _give(self, asked: GiveAsked) -> None:

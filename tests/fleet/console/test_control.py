@@ -23,7 +23,7 @@ def view():
 
 
 def ask(view, operator=BEN):
-    told = control.asked(ControlAsked("r", REX), view, operator)
+    told = control.asked(ControlAsked("r", REX), view, operator, 5.0)
     view.put("requests", REX, told)
     return told
 
@@ -61,4 +61,4 @@ def test_where_there_is_nobody_to_ask_it_is_said(view, change, operator, told):
 
 def test_a_robot_that_there_is_not_is_said():
     with pytest.raises(Refused, match="no robot yard/rex"):
-        control.asked(ControlAsked("r", REX), FleetView(), BEN)
+        control.asked(ControlAsked("r", REX), FleetView(), BEN, 5.0)
