@@ -93,22 +93,12 @@ class Tab:
     async def _feed(self) -> None:
         """Tell the page at each tick what it has not seen yet; a slow page misses ticks, and nothing else."""
         seen = 0
-        await self._send(self._hello())
+        await self._send(_hello(self._operator))
         while True:
             message, seen = self._hub.news_since(seen)
             if message:
                 await self._send(message)
             await self._hub.next_tick()
-
-    def _hello(self) -> bytes:
-        """Return what a page is told first."""
-        told = {
-            "type": "hello",
-            "version": __version__,
-            "operator": self._operator.name,
-            "permission": self._operator.permission.word,
-        }
-        return msgspec.json.encode(told)
 
     async def _send(self, message: bytes) -> None:
         """Send one message; waits while the page does not read."""
@@ -241,6 +231,17 @@ class Tab:
         found = await asyncio.to_thread(schedules.change, asked, lanes, self._operator)
         self._hub.view.take_schedules(asked.edge, found)
         await self._tell(asked.request, "", {"status": "accepted", "done": True})
+
+
+def _hello(operator: Operator) -> bytes:
+    """Return what a page is told first."""
+    told = {
+        "type": "hello",
+        "version": __version__,
+        "operator": operator.name,
+        "permission": operator.permission.word,
+    }
+    return msgspec.json.encode(told)
 
 
 def _shown(reply: Reply) -> dict[str, object]:

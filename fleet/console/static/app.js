@@ -1,5 +1,6 @@
 // The page: its parts, each started once.
 
+import { startAlerts } from "./alerts.js";
 import { startAnswers } from "./answers.js";
 import { startControl } from "./control.js";
 import { startMap } from "./map.js";
@@ -16,4 +17,5 @@ startAnswers();
 startMap();
 startPad();
 startControl();
+startAlerts();
 start();

@@ -459,6 +459,34 @@ def test_who_has_control_is_asked_for_it_and_gives_it_which_stops_the_robot(open
     shows(anna, "#asks", "ben gave beast")
 
 
+NOTED = """window.noted = [];
+window.Notification = class { constructor(title, told) { window.noted.push([title, told.body]); } };
+Notification.permission = "granted";
+window.tones = 0;
+AudioContext.prototype.createOscillator = new Proxy(AudioContext.prototype.createOscillator, {
+    apply: (call, context) => { window.tones += 1; return Reflect.apply(call, context, []); },
+});"""
+
+
+def test_a_fault_sounds_and_is_notified_only_where_that_is_wanted(open_page, yard):
+    page = open_page(prepare=lambda page: page.add_init_script(NOTED))
+
+    def becomes(health, stamp):
+        state = RobotState("rex", "", "toy", "yard-1", stamp, health=health, cause=f"{health} {stamp:g}")
+        yard.bus.control.put("fleet/yard-1/robots/rex/state", msgspec.json.encode(state))
+        page.wait_for_selector(f"{row(REX)} .mark.{health}")
+
+    becomes("fault", 11.0)
+    becomes("degraded", 12.0)
+    assert page.evaluate("[noted, tones]") == [[], 0]
+    page.click("#alerts")
+    becomes("fault", 13.0)
+    wait_until("it is notified", lambda: page.evaluate("noted"))
+    assert page.evaluate("noted") == [["rex: fault", "fault 13"]]
+    assert page.evaluate("tones") >= 1
+    assert page.get_attribute("#alerts", "aria-pressed") == "true"
+
+
 @pytest.mark.parametrize("scheme", ["light", "dark"])
 def test_every_text_of_the_page_can_be_read(open_page, scheme):
     page = open_page(color_scheme=scheme)
