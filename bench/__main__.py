@@ -15,6 +15,7 @@ NAMES = (
     "mavlink",
     "stops",
     "together",
+    "pad",
     "soak",
     "dog_picture",
 )

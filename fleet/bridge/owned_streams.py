@@ -23,7 +23,7 @@ class OwnedStreams:
         self._refusals = refusals
         self._clock = clock
 
-    def listen(self, subscribe: Callable[[str, Callable[[str, bytes], None]], None]) -> None:
+    def listen(self, subscribe: Callable[[str, Callable[[str, bytes], None]], object]) -> None:
         """Have ``subscribe`` call with what programs tell."""
         subscribe(f"cw/*/data/{CHANNEL}/*", self.heard)
 

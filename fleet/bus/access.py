@@ -12,7 +12,9 @@ from typing import Literal
 
 import msgspec
 
+from fleet.bus import keys
 from fleet.config.endpoints import Role
+from fleet.model.permission import Permission
 
 PROGRAM_CHANNELS = (
     "commands",
@@ -36,7 +38,13 @@ PROGRAM_CHANNELS = (
 _REPORTS = "cw/*/data/**"
 _STOP = "fleet/*/stop"
 _DESCRIPTION = "fleet/*/robots/*/description"
-_MISSIONS = ("fleet/*/missions/*", "fleet/*/runs/*")
+_OF_CONSOLES = (
+    keys.command("*", "*"),
+    keys.mission("*", "*"),
+    keys.run("*", "*"),
+    keys.schedules("*"),
+)
+_OF_COMMAND_LINES = (keys.prepare("*", "*"), keys.starts("*"))
 _BY_CERTIFICATE = frozenset({"tls", "quic"})
 
 _LISTEN = ("declare_subscriber", "liveliness_query", "declare_liveliness_subscriber")
@@ -50,13 +58,15 @@ class Access(msgspec.Struct, frozen=True):
 
     ``twins`` are the edge's own, about which other edges may not publish; ``channels`` are those that
     programs may write in addition to ``PROGRAM_CHANNELS``; ``coordinators`` the other edges that may command
-    the edge's robots in runs of missions.
+    the edge's robots in runs of missions; ``consoles`` the most that persons at a console may do, where that
+    is not everything.
     """
 
     roles: Mapping[str, Role]
     twins: tuple[str, ...] = ()
     channels: tuple[str, ...] = ()
     coordinators: frozenset[str] = frozenset()
+    consoles: Mapping[str, Permission] = {}
 
 
 class _Rule(msgspec.Struct, frozen=True):
@@ -97,9 +107,7 @@ def rules_of(role: Role, name: str, edge: str, access: Access) -> tuple[_Rule, .
     if role == "router":
         return (_Rule(_ALL, ("**",)),)
     if role == "console":
-        robots = ("fleet/*/robots/*/command", "fleet/*/robots/*/prepare")
-        asked = (*robots, "fleet/*/starts", "fleet/*/history", "fleet/*/schedules", *_MISSIONS)
-        return (_Rule(("query",), asked), _Rule(("liveliness_token",), ("fleet/*/starts/*",)))
+        return _console_rules(name, access.consoles.get(name, Permission.ADMIN))
     if role == "program":
         channels = (*PROGRAM_CHANNELS, *access.channels)
         return (
@@ -119,6 +127,20 @@ def rules_of(role: Role, name: str, edge: str, access: Access) -> tuple[_Rule, .
     )
 
 
+def _console_rules(name: str, most: Permission) -> tuple[_Rule, ...]:
+    """Return the rules of a console: keys with its own name, and no permission above ``most``.
+
+    One that may give every permission also runs the command line, which gives none.
+    """
+    given = [each.word for each in Permission if each <= most]
+    asked = [keys.as_console(key, word, name) for key in _OF_CONSOLES for word in given]
+    plain = () if most < Permission.ADMIN else (*_OF_CONSOLES, *_OF_COMMAND_LINES)
+    return (
+        _Rule(("query",), ("fleet/*/history", *asked, *plain)),
+        *((_Rule(("liveliness_token",), ("fleet/*/starts/*",)),) if plain else ()),
+    )
+
+
 def _worker_rules(name: str, edge: str) -> tuple[_Rule, ...]:
     """Return the rules of a worker of this edge: the keys of its robots, and its own heartbeat."""
     robots, own = f"fleet/{edge}/robots/*", f"fleet/{edge}/workers/{name}"
@@ -127,7 +149,7 @@ def _worker_rules(name: str, edge: str) -> tuple[_Rule, ...]:
         _Rule(_SAY, (f"{own}/beat", f"{robots}/state", f"fleet/{edge}/places/{name}", _REPORTS)),
         _Rule(("query",), (f"{robots}/video",)),
         _Rule(_ANSWER, (f"{robots}/command", f"{robots}/state", f"fleet/{edge}/stop", _REPORTS)),
-        _Rule(_ANSWER, (f"{robots}/description", f"fleet/{edge}/history")),
+        _Rule(_ANSWER, (f"{robots}/command{keys.CONSOLE}", f"{robots}/description", f"fleet/{edge}/history")),
         _Rule(_ANSWER, (f"{robots}/prepare", f"fleet/{edge}/starts", f"{own}/reload")),
         _Rule((*_SAY, *_ANSWER), ("cw/*/data/commands/**",), "deny"),
     )

@@ -8,6 +8,7 @@ import re
 from collections.abc import Iterable
 from pathlib import Path
 
+from fleet.bus.keys import LOCAL
 from fleet.bus.settings import (
     BusSettings,
     is_running,
@@ -16,15 +17,26 @@ from fleet.bus.settings import (
     zenoh_settings,
 )
 from fleet.bus.zenoh_session import ZenohSession
+from fleet.config.endpoints import is_encrypted
 from fleet.errors import BusError
 
 
 class Bus:
-    """The two sessions of a process; ``connect`` are the endpoints of others that they are to join."""
+    """The two sessions of a process; ``connect`` are the endpoints of others that they are to join.
 
-    def __init__(self, reports: ZenohSession, control: ZenohSession, connect: tuple[str, ...] = ()) -> None:
+    ``consoles`` are the identities on it that are consoles, by the edge's access rules.
+    """
+
+    def __init__(
+        self,
+        reports: ZenohSession,
+        control: ZenohSession,
+        connect: tuple[str, ...] = (),
+        consoles: frozenset[str] = frozenset(),
+    ) -> None:
         self.reports = reports
         self.control = control
+        self.consoles = consoles
         self._connect = connect
 
     @property
@@ -82,7 +94,7 @@ def _listening(settings: BusSettings, directory: Path, users: Path | None) -> Bu
         reports.close()
         raise
     _keep_locks(directory)
-    return Bus(reports, control, settings.connect)
+    return Bus(reports, control, settings.connect, _consoles(settings))
 
 
 def _keep_locks(directory: Path) -> None:
@@ -101,7 +113,7 @@ def join(settings: BusSettings, directory: Path) -> Bus:
     except BusError:
         reports.close()
         raise
-    return Bus(reports, control)
+    return Bus(reports, control, consoles=_consoles(settings))
 
 
 def join_control(settings: BusSettings, directory: Path) -> ZenohSession:
@@ -116,9 +128,30 @@ def _join(settings: BusSettings, bus_session: str, directory: Path) -> ZenohSess
         raise BusError(f"edge {settings.edge!r} does not run here; start it, or set bus.connect to reach it")
     endpoints = (socket_path(settings.edge, bus_session, directory),) if here else settings.connect
     try:
-        return ZenohSession(zenoh_settings(settings, mode="client", listen=(), connect=endpoints))
+        session = ZenohSession(zenoh_settings(settings, mode="client", listen=(), connect=endpoints))
     except BusError:
         raise BusError(_shut_out(endpoints)) from None
+    if not here:
+        session.identity = _identity(settings)
+    return session
+
+
+def _consoles(settings: BusSettings) -> frozenset[str]:
+    """Return the identities that are consoles by the access rules."""
+    roles = settings.access.roles if settings.access else {}
+    return frozenset(name for name, role in roles.items() if role == "console")
+
+
+def _identity(settings: BusSettings) -> str:
+    """Return the name by which others know us: that of our certificate, where every endpoint takes one."""
+    if not settings.tls.certificate or not all(map(is_encrypted, settings.connect)):
+        return LOCAL
+    from fleet.config.certificates import read_identity  # noqa: PLC0415 - slow to import; few have any
+
+    try:
+        return read_identity(Path(settings.tls.certificate).read_bytes()).name
+    except (OSError, ValueError):
+        return LOCAL
 
 
 def _shut_out(endpoints: Iterable[str]) -> str:

@@ -27,9 +27,23 @@ key                                    what
 ``fleet/{edge}/coordinator``           query: the lease of its robots for a run of another edge
 ``fleet/{edge}/stop``                  emergency stop; publish or query on ``fleet/*/stop``
 =====================================  ====================================================
+
+The questions of a console have ``/as/{permission}/{console}`` after the keys of commands, missions, runs and
+schedules: what its person may do, and its own identity.
 """
 
 from __future__ import annotations
+
+LOCAL = "_local"
+"""The identity of a console without a certificate; no common name begins so."""
+
+CONSOLE = "/as/*/*"
+"""What the keys of a console's questions have in addition: a permission, and the console."""
+
+
+def as_console(key: str, permission: str, console: str) -> str:
+    """Return the key by which a console asks for a person with this permission."""
+    return f"{key}/as/{permission}/{console}"
 
 
 def edge(edge_id: str) -> str:

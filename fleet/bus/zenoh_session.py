@@ -12,10 +12,12 @@ import json
 import logging
 import threading
 from collections.abc import Callable, Iterable, Iterator, Mapping
+from functools import partial
 from typing import Any
 
 import zenoh
 
+from fleet.bus.keys import LOCAL
 from fleet.errors import BusError
 
 log = logging.getLogger(__name__)
@@ -91,12 +93,13 @@ class Query:
     """A received query; may be answered later, from any thread, more than once, until ``close``.
 
     ``key`` is the key of the queryable, ``asked`` the key expression of the query (it may have wildcards).
+    ``suffix`` is what the query's key has in addition (see ``ZenohSession.answer``); neither contains it.
     """
 
-    def __init__(self, query: zenoh.Query, key: str) -> None:
+    def __init__(self, query: zenoh.Query, key: str, more: str = "") -> None:
         self._query: zenoh.Query | None = query
         self.key = key
-        self.asked = str(query.key_expr)
+        self.asked, self.suffix = _parted(str(query.key_expr), more.count("/"))
         self.payload = query.payload.to_bytes() if query.payload is not None else b""
         pairs = str(query.parameters).split(";")
         self.parameters = {name: value for name, _, value in (pair.partition("=") for pair in pairs)}
@@ -104,7 +107,7 @@ class Query:
     def reply(self, payload: bytes, key: str | None = None) -> None:
         """Send one reply (on ``key``, for a query to many); does nothing once the query is closed."""
         if self._query is not None:
-            self._query.reply(key or self.key, payload)
+            self._query.reply((key or self.key) + self.suffix, payload)
 
     def close(self) -> None:
         """End the replies to this query."""
@@ -121,6 +124,7 @@ class ZenohSession:
             self._session = zenoh.open(_config(settings))
         except zenoh.ZError as error:
             raise BusError(f"the bus cannot be opened: {_first_line(error)}") from None
+        self.identity = LOCAL  # by which others know it: the name of its certificate, if it shows one
         self._kept: list[object] = []
         self._threads: list[threading.Thread] = []
 
@@ -161,13 +165,21 @@ class ZenohSession:
         else:
             self._session.put(key, payload, attachment=note)
 
-    def subscribe(self, key: str, call: OnSample) -> None:
-        """Call ``call`` with key and payload of each sample published under ``key``."""
+    def subscribe(self, key: str, call: OnSample) -> Callable[[], None]:
+        """Call ``call`` with key and payload of each sample published under ``key``; returns what ends it."""
 
         def arrived(sample: zenoh.Sample) -> None:
             call(*_read(sample))
 
-        self._kept.append(self._session.declare_subscriber(key, _direct(arrived)))
+        subscriber = self._session.declare_subscriber(key, _direct(arrived))
+        self._kept.append(subscriber)
+
+        def end() -> None:
+            if subscriber in self._kept:
+                self._kept.remove(subscriber)
+                subscriber.undeclare()
+
+        return end
 
     def subscribe_noted(self, key: str, call: OnNoted) -> None:
         """Call ``call`` with payload and note of each sample under ``key``; the note is empty if absent."""
@@ -208,13 +220,14 @@ class ZenohSession:
         self._threads.append(thread)
         thread.start()
 
-    def answer(self, key: str, call: Callable[[Query], None]) -> None:
-        """Call ``call`` with each query on ``key``; it, or other code later, must reply to and close it."""
+    def answer(self, key: str, call: Callable[[Query], None], *, more: str = "") -> None:
+        """Call ``call`` with each query on ``key``; it, or other code later, must reply to and close it.
 
-        def asked(query: zenoh.Query) -> None:
-            call(Query(query, key))
-
-        self._kept.append(self._session.declare_queryable(key, _direct(asked)))
+        With ``more`` (``/as/*/*``) also with each query on a key that has so many more chunks.
+        """
+        for suffix in {"", more}:
+            asked = partial(_asked, call, key, suffix)
+            self._kept.append(self._session.declare_queryable(key + suffix, _direct(asked)))
 
     def ask(
         self,
@@ -297,6 +310,18 @@ def _config(settings: Mapping[str, object]) -> zenoh.Config:
 def keys_intersect(one: str, other: str) -> bool:
     """Return True when two key expressions have a key in common."""
     return zenoh.KeyExpr(one).intersects(zenoh.KeyExpr(other))
+
+
+def _asked(call: Callable[[Query], None], key: str, more: str, query: zenoh.Query) -> None:
+    """Pass a query on."""
+    call(Query(query, key, more))
+
+
+def _parted(asked: str, chunks: int) -> tuple[str, str]:
+    """Return a key expression without its last chunks, and these with the slashes before them."""
+    parts = asked.split("/")
+    keep = len(parts) - chunks
+    return "/".join(parts[:keep]), "".join(f"/{part}" for part in parts[keep:])
 
 
 def _read(sample: zenoh.Sample) -> tuple[str, bytes]:

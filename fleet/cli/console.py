@@ -16,10 +16,10 @@ from fleet.client.local_user import local_user
 from fleet.clock import SystemClock
 from fleet.console.child import EXTRA, ConsoleChild, is_installed
 from fleet.console.links import LinkAsked, all_links
-from fleet.console.sessions import Permission
 from fleet.console.task import PORT, ConsoleTask
 from fleet.errors import NotRunning
 from fleet.host.runtime.termination_signals import end_by_signal
+from fleet.model.permission import Permission
 from fleet.runtime.event_loop import run
 
 

@@ -25,9 +25,9 @@ from fleet.client.local_user import local_user
 from fleet.config.load import load
 from fleet.console.child import is_installed
 from fleet.console.links import LinkAsked
-from fleet.console.sessions import Permission
 from fleet.errors import BusError
 from fleet.host.edge.edge import Edge
+from fleet.model.permission import Permission
 from fleet.sim.broker.thread import BrokerThread
 
 NAMESPACE = uuid.UUID("8f1c1f0e-6d0b-4c3e-9d57-0f1ee7000000")

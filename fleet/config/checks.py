@@ -264,6 +264,17 @@ def _is_shared(folder: str) -> bool:
         return False
 
 
+def check_consoles(sections: Sections, document: Document) -> None:
+    """Report limits of consoles that are none."""
+    consoles = [name for name, role in (sections.bus.access or {}).items() if role == "console"]
+    for name in sections.bus.consoles:
+        if name not in consoles:
+            hint = nearest(name, consoles) or "access: gives it the role console"
+            document.report(
+                document.marks["bus", "consoles", name], f"{name!r} is no console in bus.access", hint
+            )
+
+
 def check_workers(sections: Sections, document: Document) -> None:
     """Report identities of workers that nobody starts on another computer; those here come by the sockets."""
     for name, role in (sections.bus.access or {}).items():

@@ -20,6 +20,7 @@ from pydantic import ConfigDict, Field
 from fleet.config.checks import (
     Identity,
     check_bus,
+    check_consoles,
     check_followers,
     check_notify,
     check_partners,
@@ -164,6 +165,7 @@ def _check_together(document: Document, sections: Sections | None, robots: Mappi
     if sections is not None:
         check_bus(sections.bus, document)
         check_workers(sections, document)
+        check_consoles(sections, document)
         check_places(sections.places, configs.values(), sections.site.origin, document)
 
 

@@ -224,6 +224,10 @@ class BusConfig(Model):
         "its name), console, program or router; others may do nothing (docs/how-to/bus.md). Left out: every "
         "certificate of the authority may do everything.",
     )
+    consoles: dict[CommonName, Literal["view", "operate", "admin"]] = Field(
+        {},
+        description="The most that persons at a console in access may do: view, operate or admin (default).",
+    )
 
     @model_validator(mode="after")
     def _whole(self) -> Self:

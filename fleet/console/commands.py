@@ -18,6 +18,7 @@ from fleet.bus.zenoh_session import ZenohSession
 from fleet.clock import Clock
 from fleet.console.fleet_view import FleetView, id_of
 from fleet.console.requests import CommandAsked, GotoAsked, ReleaseAsked
+from fleet.console.sessions import Operator
 from fleet.errors import CommandError, FleetError, Refused
 from fleet.history.event_filter import MOST, EventFilter, newest
 from fleet.history.record import Record
@@ -71,13 +72,15 @@ def _hand_over(
         loop.call_soon_threadsafe(replies.put_nowait, data)
 
 
-async def send(prepared: Prepared, lane: ZenohSession, operator: str, clock: Clock) -> AsyncIterator[Reply]:
+async def send(
+    prepared: Prepared, lane: ZenohSession, operator: Operator, clock: Clock
+) -> AsyncIterator[Reply]:
     """Ask a robot; yield its receipt and its end, or one reply that says that there was none."""
     robot, kind, message = prepared
     name = str(message["command"])
     try:
         payload = json.dumps(
-            {**message, "session_id": operator, "timestamp": clock.time()}, allow_nan=False
+            {**message, "session_id": operator.name, "timestamp": clock.time()}, allow_nan=False
         ).encode()
     except ValueError:
         yield Reply(name, ReplyStatus.REJECTED, "a number in the command is not finite")
@@ -85,7 +88,7 @@ async def send(prepared: Prepared, lane: ZenohSession, operator: str, clock: Clo
     loop = asyncio.get_running_loop()
     replies: asyncio.Queue[bytes | None] = asyncio.Queue()
     lane.ask_later(
-        keys.command(robot.edge, robot.name),
+        keys.as_console(keys.command(robot.edge, robot.name), operator.permission.word, lane.identity),
         payload,
         timeout=END_WITHIN,
         parameters={"kind": kind, "wait": "1"},

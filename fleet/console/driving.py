@@ -19,6 +19,7 @@ from fleet.bus import keys
 from fleet.bus.zenoh_session import ZenohSession
 from fleet.clock import Clock
 from fleet.console.requests import DriveAsked
+from fleet.console.sessions import Operator
 from fleet.model.command import Reply, ReplyStatus
 from fleet.runtime.decoding import decode_json
 
@@ -32,7 +33,7 @@ class Driving:
     """What one page drives. ``lane_to`` finds the session to an edge, ``told`` hears each answer."""
 
     def __init__(
-        self, operator: str, lane_to: Callable[[str], ZenohSession | None], clock: Clock, told: Told
+        self, operator: Operator, lane_to: Callable[[str], ZenohSession | None], clock: Clock, told: Told
     ) -> None:
         self._operator = operator
         self._lane_to = lane_to
@@ -62,9 +63,9 @@ class Driving:
             self._answered(asked.number, Reply("motion", ReplyStatus.REJECTED, "no edge is reached"))
             return
         velocity = {name: getattr(asked, name) for name in ("linear_x", "linear_y", "linear_z", "angular_z")}
-        message = {**velocity, "session_id": self._operator, "timestamp": self._clock.time()}
+        message = {**velocity, "session_id": self._operator.name, "timestamp": self._clock.time()}
         lane.ask_later(
-            keys.command(edge, name),
+            keys.as_console(keys.command(edge, name), self._operator.permission.word, lane.identity),
             json.dumps(message, allow_nan=False).encode(),
             timeout=ANSWER_WITHIN,
             parameters={"kind": "motion"},

@@ -5,6 +5,7 @@ from __future__ import annotations
 import logging
 import threading
 from collections.abc import Callable, Mapping
+from functools import partial
 from pathlib import Path
 
 import msgspec
@@ -16,10 +17,13 @@ from fleet.bus.zenoh_session import ZenohSession
 from fleet.clock import Clock
 from fleet.console.fleet_view import FleetView, Goals
 from fleet.console.task import ConsoleTask
+from fleet.console.watched_reports import WatchedReports
 from fleet.errors import WireError
 from fleet.missions.report import MissionState, RunState
 from fleet.model.description import RobotDescription
+from fleet.model.permission import Permission
 from fleet.model.report import PoseReport
+from fleet.model.schedule import ScheduleAnswer, ScheduleAsked
 from fleet.model.state import EdgeState, RobotState
 from fleet.runtime.decoding import decode_json
 from fleet.wire.databus import decode_report
@@ -39,6 +43,7 @@ class EdgeConnections:
         self._edges = EdgeBuses(
             task.edges, directory, clock, only=task.only, opened=self._opened, told=self._told
         )
+        self.watched = WatchedReports(view, self._edges.joined)
         self._lock = threading.Lock()
         self._pending: dict[str, bytes] = {}
         self._takers: Mapping[str, Callable[[list[str], bytes], None]] = {
@@ -48,6 +53,7 @@ class EdgeConnections:
             "places": self._take_places,
             "missions": self._take_mission,
             "runs": self._take_run,
+            "schedules": self._take_schedules,
             "data": self._take_pose,
         }
 
@@ -77,7 +83,11 @@ class EdgeConnections:
 
     def _ask_states(self, control: ZenohSession) -> None:
         """Ask for what does not change and so is not published soon; blocks."""
-        for key in (keys.health("*"), keys.state("*", "*"), keys.mission("*", "*"), keys.run("*", "*")):
+        ours = [
+            keys.as_console(key, Permission.VIEW.word, control.identity)
+            for key in (keys.mission("*", "*"), keys.run("*", "*"))
+        ]
+        for key in (keys.health("*"), keys.state("*", "*"), *ours):
             for answered, data in control.ask(key, b"", timeout=ANSWER_WITHIN):
                 self._arrived(answered, data)
 
@@ -94,6 +104,19 @@ class EdgeConnections:
                 on_end=lambda: None,
             )
 
+    def ask_schedules(self) -> None:
+        """Ask each edge for its schedules; the answers arrive like what is published."""
+        payload = msgspec.json.encode(ScheduleAsked())
+        for edge, lane in self.lanes().items():
+            key = keys.schedules(edge)
+            lane.ask_later(
+                keys.as_console(key, Permission.VIEW.word, lane.identity),
+                payload,
+                timeout=ANSWER_WITHIN,
+                on_answer=partial(self._arrived, key),
+                on_end=lambda: None,
+            )
+
     def _arrived(self, key: str, payload: bytes) -> None:
         """Keep the newest of a key; on the bus's threads."""
         with self._lock:
@@ -106,6 +129,7 @@ class EdgeConnections:
 
     def take(self) -> None:
         """Take what arrived into the view; what cannot be read is logged and left out."""
+        self.watched.take()
         with self._lock:
             pending, self._pending = self._pending, {}
         # States first: a pose is shown in the frame that its robot's state tells.
@@ -134,6 +158,10 @@ class EdgeConnections:
     def _take_description(self, parts: list[str], payload: bytes) -> None:
         """Take what a robot takes."""
         self._view.take_description(parts[1], decode_json(payload, RobotDescription))
+
+    def _take_schedules(self, parts: list[str], payload: bytes) -> None:
+        """Take the schedules of an edge."""
+        self._view.take_schedules(parts[1], decode_json(payload, ScheduleAnswer).schedules)
 
     def _take_mission(self, _parts: list[str], payload: bytes) -> None:
         """Take a mission that can be started."""

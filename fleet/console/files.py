@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from importlib import resources
+from importlib.resources.abc import Traversable
 
 import msgspec
 
@@ -24,10 +25,15 @@ class PageFile(msgspec.Struct, frozen=True):
 
 def page_files() -> dict[str, PageFile]:
     """Return the files by the path of their address; ``/`` is the page itself."""
-    found = {}
-    for each in resources.files("fleet.console").joinpath("static").iterdir():
-        kind = TYPES.get(each.name[each.name.rfind(".") :])
-        if kind is not None:
-            found[f"/{each.name}"] = PageFile(each.read_bytes(), kind)
+    static = resources.files("fleet.console").joinpath("static")
+    found = dict(_in_folder(static, "/")) | dict(_in_folder(static.joinpath("vendor"), "/vendor/"))
     found["/"] = found.pop("/index.html")
     return found
+
+
+def _in_folder(folder: Traversable, address: str) -> Iterator[tuple[str, PageFile]]:
+    """Yield the files of a folder that a page may ask for, by their addresses."""
+    for each in folder.iterdir():
+        kind = TYPES.get(each.name[each.name.rfind(".") :])
+        if kind is not None:
+            yield f"{address}{each.name}", PageFile(each.read_bytes(), kind)

@@ -7,6 +7,7 @@ shown as gone, not left out.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Mapping
 from typing import Any
 
@@ -16,12 +17,26 @@ from fleet.missions.report import RunState
 from fleet.model.description import RobotDescription
 from fleet.model.geometry import Vector3, wrap_angle
 from fleet.model.report import PoseReport
+from fleet.model.schedule import ScheduleState
 from fleet.model.state import EdgeState, RobotState
 
-KINDS = ("edges", "robots", "poses", "goals", "descriptions", "stops", "missions", "runs")
+KINDS = (
+    "edges",
+    "robots",
+    "poses",
+    "goals",
+    "descriptions",
+    "stops",
+    "missions",
+    "runs",
+    "numbers",
+    "schedules",
+    "requests",
+)
 """The kinds of entries, in the order in which a page takes them."""
 MOST_STOPS = 20  # stops that are shown; older ones are in the history
 MOST_RUNS = 30
+_FIGURE = re.compile(r"\d+(\.\d+)?")
 ROUNDED = 3  # decimals of metres and radians: less than anybody sees on a map
 
 
@@ -60,6 +75,7 @@ class FleetView:
         self.states: dict[str, RobotState] = {}
         self.edges: dict[str, EdgeState] = {}
         self._alive: dict[str, bool] = {}
+        self._health: dict[str, tuple[tuple[str, str], float]] = {}
         self._problems: dict[str, str] = {}
         self._by_twin: dict[str, str] = {}
         self._entries: dict[str, dict[str, tuple[int, Any]]] = {kind: {} for kind in KINDS}
@@ -95,10 +111,18 @@ class FleetView:
         self.states[name] = state
         self._by_twin[state.twin] = name
         shown: dict[str, Any] = msgspec.to_builtins(msgspec.structs.asdict(state))
-        shown |= {"id": name, "heard": round(now, 1)}
+        shown |= {"id": name, "heard": round(now, 1), "since": self._since(name, state)}
         self.put("robots", name, shown)
         if self.get("poses", name) is None and (at := state.site or state.position) is not None:
             self.put("poses", name, [*_rounded((at.x, at.y, at.z)), None, state.site is not None])
+
+    def _since(self, name: str, state: RobotState) -> float:
+        """Return since when a robot is as well or unwell as it is; figures do not make a cause another."""
+        how = (state.health, _FIGURE.sub("#", state.cause))
+        known = self._health.get(name)
+        if known is None or known[0] != how:
+            self._health[name] = known = (how, state.stamp)
+        return known[1]
 
     def take_edge(self, state: EdgeState, now: float) -> None:
         """Take an edge's own state."""
@@ -155,6 +179,11 @@ class FleetView:
         """Take a run of a mission; those that changed longest ago are left out."""
         self.put("runs", f"{run.edge}/{run.run}", msgspec.to_builtins(run))
         self._keep("runs", MOST_RUNS)
+
+    def take_schedules(self, edge: str, schedules: Iterable[ScheduleState]) -> None:
+        """Take the schedules of an edge."""
+        for each in schedules:
+            self.put("schedules", f"{edge}/{each.name}", {"edge": edge, **msgspec.to_builtins(each)})
 
     def _keep(self, kind: str, most: int) -> None:
         """Leave out entries that changed longest ago."""

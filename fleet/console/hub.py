@@ -24,6 +24,7 @@ log = logging.getLogger(__name__)
 TICK = 0.1  # s between looks at what is new
 QUIET = 0.25  # s after which a page is told something in any case; it shows silence after 1 s
 DESCRIBE = 10  # ticks between looks at what watched robots take
+SCHEDULES = 20  # ticks between looks at what is scheduled
 MOST_TABS = 64
 
 
@@ -57,9 +58,13 @@ class Hub:
         self._count += 1
         self.edges.take()
         self._news.clear()
+        watched = {tab.watched for tab in self.tabs} - {""}
+        self.edges.watched.watch(watched)
         if self._count % DESCRIBE == 0:
-            for robot in {tab.watched for tab in self.tabs} - {""}:
+            for robot in watched:
                 self.edges.ask_description(robot)
+        if self.tabs and self._count % SCHEDULES == 0:
+            self.edges.ask_schedules()
         tick, self._tick = self._tick, asyncio.Event()
         tick.set()
 

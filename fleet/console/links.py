@@ -15,9 +15,9 @@ from pathlib import Path
 
 import msgspec
 
-from fleet.console.sessions import Permission
 from fleet.console.task import link_sockets
 from fleet.errors import FleetError
+from fleet.model.permission import Permission
 from fleet.runtime.decoding import decode_json
 
 ANSWER_WITHIN = 2.0  # s

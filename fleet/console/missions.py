@@ -11,6 +11,7 @@ from fleet.bus import keys
 from fleet.bus.zenoh_session import ZenohSession
 from fleet.clock import Clock
 from fleet.console.requests import MissionAsked, RunAsked
+from fleet.console.sessions import Operator
 from fleet.errors import Refused, TimedOut
 from fleet.missions.report import ControlAsk, Controlled, StartAsk, Started
 from fleet.runtime.decoding import decode_json
@@ -21,22 +22,22 @@ T = TypeVar("T")
 
 
 def start(
-    asked: MissionAsked, lanes: Iterable[ZenohSession], operator: str, clock: Clock
+    asked: MissionAsked, lanes: Iterable[ZenohSession], operator: Operator, clock: Clock
 ) -> dict[str, object]:
     """Start a mission; return the answer for the page. Raises Refused, TimedOut. Blocks."""
-    wanted = StartAsk(inputs=asked.inputs, session_id=operator, timestamp=clock.time())
+    wanted = StartAsk(inputs=asked.inputs, session_id=operator.name, timestamp=clock.time())
     key = keys.mission(asked.edge, asked.name)
-    started = _ask(key, wanted, Started, lanes, {"do": "start"})
+    started = _ask(key, wanted, Started, lanes, operator, parameters={"do": "start"})
     if started.refusal:
         raise Refused(started.refusal, hint=started.hint)
     robots = ", ".join(name for names in started.roles.values() for name in names)
     return {"status": "accepted", "done": True, "reason": f"run {started.run} with {robots}"}
 
 
-def control(asked: RunAsked, lanes: Iterable[ZenohSession], operator: str) -> dict[str, object]:
+def control(asked: RunAsked, lanes: Iterable[ZenohSession], operator: Operator) -> dict[str, object]:
     """Control a run; return the answer for the page. Raises Refused, TimedOut. Blocks."""
-    wanted = ControlAsk(asked.do, asked.question, asked.goes_on, operator)
-    controlled = _ask(keys.run(asked.edge, asked.run), wanted, Controlled, lanes)
+    wanted = ControlAsk(asked.do, asked.question, asked.goes_on, operator.name)
+    controlled = _ask(keys.run(asked.edge, asked.run), wanted, Controlled, lanes, operator)
     if controlled.refusal:
         raise Refused(controlled.refusal)
     return {"status": "accepted", "done": True}
@@ -47,12 +48,15 @@ def _ask(
     wanted: msgspec.Struct,
     kind: type[T],
     lanes: Iterable[ZenohSession],
+    operator: Operator,
+    *,
     parameters: Mapping[str, str] | None = None,
 ) -> T:
     """Ask one edge, by whichever session reaches it; raises TimedOut without an answer."""
     for lane in lanes:
+        asked = keys.as_console(key, operator.permission.word, lane.identity)
         for _, data in lane.ask(
-            key, msgspec.json.encode(wanted), timeout=ANSWER_WITHIN, parameters=parameters
+            asked, msgspec.json.encode(wanted), timeout=ANSWER_WITHIN, parameters=parameters
         ):
             return decode_json(data, kind)
     raise TimedOut(f"no edge answers on {key}")

@@ -7,16 +7,13 @@ from typing import Annotated, Any, Literal
 
 import msgspec
 
-from fleet.console.sessions import Permission
 from fleet.errors import WireError
+from fleet.model.permission import Permission, needed_for_command
 from fleet.runtime.decoding import json_decoder
 
 MOST_ROBOTS = 1000  # in one request
 LONGEST_WORD = 200  # characters of an identity, a name, a reason
 FASTEST = 50.0  # m/s or rad/s; each robot's own limits are the edge's business
-ADMIN_COMMANDS = frozenset({"restart_adapter", "set_parameters", "reboot"})
-"""Commands that change a robot for longer than its next motion."""
-
 
 Speed = Annotated[float, msgspec.Meta(ge=-FASTEST, le=FASTEST)]
 
@@ -98,6 +95,32 @@ class RunAsked(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_fiel
     goes_on: bool = False
 
 
+class ControlAsked(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field="ask", tag="control"):
+    """Ask whoever has control of a robot to give it."""
+
+    request: str
+    robot: str
+
+
+class GiveAsked(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field="ask", tag="give"):
+    """Answer who asks for a robot of which one has control: give it, which stops the robot, or keep it."""
+
+    request: str
+    robot: str
+    give: bool
+
+
+class ScheduleChange(
+    msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field="ask", tag="schedule"
+):
+    """Switch a schedule of an edge on or off, or start its mission now."""
+
+    request: str
+    edge: str
+    name: str
+    do: Literal["enable", "disable", "run"]
+
+
 class WatchAsked(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field="ask", tag="watch"):
     """Tell what this robot takes, for as long as its page is open; an empty name: none."""
 
@@ -125,7 +148,17 @@ class PingAsked(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_fie
 
 
 Request = (
-    StopAsked | ReleaseAsked | GotoAsked | CommandAsked | CausesAsked | HistoryAsked | MissionAsked | RunAsked
+    StopAsked
+    | ReleaseAsked
+    | GotoAsked
+    | CommandAsked
+    | CausesAsked
+    | HistoryAsked
+    | MissionAsked
+    | RunAsked
+    | ControlAsked
+    | GiveAsked
+    | ScheduleChange
 )
 """What is answered by its request's name."""
 Asked = Request | DriveAsked | WatchAsked | PingAsked
@@ -138,10 +171,12 @@ _NEEDS: Mapping[type[object], Permission] = {
     PingAsked: Permission.VIEW,
     ReleaseAsked: Permission.OPERATE,
     GotoAsked: Permission.OPERATE,
-    CommandAsked: Permission.OPERATE,
     DriveAsked: Permission.OPERATE,
     MissionAsked: Permission.OPERATE,
     RunAsked: Permission.OPERATE,
+    ControlAsked: Permission.OPERATE,
+    GiveAsked: Permission.OPERATE,
+    ScheduleChange: Permission.OPERATE,
 }
 """The permission that each request needs; a stop is everybody's."""
 
@@ -152,8 +187,8 @@ _WORDS = ("request", "robot", "command", "why", "edge", "name", "run")
 
 def needed_for(asked: Asked) -> Permission:
     """Return the permission that a request needs."""
-    if isinstance(asked, CommandAsked) and asked.command in ADMIN_COMMANDS:
-        return Permission.ADMIN
+    if isinstance(asked, CommandAsked):
+        return needed_for_command(asked.command)
     return _NEEDS[type(asked)]
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import enum
 import hashlib
 import secrets
 from collections.abc import Mapping
@@ -10,25 +9,13 @@ from collections.abc import Mapping
 import msgspec
 
 from fleet.clock import Clock
+from fleet.model.permission import Permission
 
 LINK_LIFE = 600.0  # s in which a link must be used
 SESSION_LIFE = 12 * 3600.0  # s without a request after which a session ends
 MOST_LINKS = 32  # unused links; the oldest goes for a new one
 MOST_SESSIONS = 64
 _BYTES = 32  # of randomness in a token
-
-
-class Permission(enum.IntEnum):
-    """What a person may do; each includes those before it. Everybody may stop robots."""
-
-    VIEW = 1
-    OPERATE = 2
-    ADMIN = 3
-
-    @property
-    def word(self) -> str:
-        """Return it as one word."""
-        return self.name.lower()
 
 
 class Operator(msgspec.Struct, frozen=True):

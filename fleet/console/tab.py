@@ -11,13 +11,15 @@ from typing import TYPE_CHECKING, Any
 import msgspec
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
-from fleet.console import commands, missions
+from fleet.console import commands, control, missions, schedules
 from fleet.console.driving import Driving
 from fleet.console.requests import (
     Asked,
     CausesAsked,
     CommandAsked,
+    ControlAsked,
     DriveAsked,
+    GiveAsked,
     GotoAsked,
     HistoryAsked,
     MissionAsked,
@@ -25,6 +27,7 @@ from fleet.console.requests import (
     ReleaseAsked,
     Request,
     RunAsked,
+    ScheduleChange,
     StopAsked,
     WatchAsked,
     needed_for,
@@ -59,7 +62,7 @@ class Tab:
         self._operator = operator
         self._open: set[asyncio.Task[None]] = set()
         self._sending = asyncio.Lock()
-        self._driving = Driving(operator.name, hub.edges.lane_to, hub.clock, self._drove)
+        self._driving = Driving(operator, hub.edges.lane_to, hub.clock, self._drove)
         self._calls: Mapping[type[object], Call] = {
             StopAsked: self._stop,
             ReleaseAsked: self._command,
@@ -69,6 +72,9 @@ class Tab:
             HistoryAsked: self._history,
             MissionAsked: self._mission,
             RunAsked: self._run,
+            ControlAsked: self._control,
+            GiveAsked: self._give,
+            ScheduleChange: self._schedule,
         }
 
     async def run(self) -> None:
@@ -87,22 +93,12 @@ class Tab:
     async def _feed(self) -> None:
         """Tell the page at each tick what it has not seen yet; a slow page misses ticks, and nothing else."""
         seen = 0
-        await self._send(self._hello())
+        await self._send(_hello(self._operator))
         while True:
             message, seen = self._hub.news_since(seen)
             if message:
                 await self._send(message)
             await self._hub.next_tick()
-
-    def _hello(self) -> bytes:
-        """Return what a page is told first."""
-        told = {
-            "type": "hello",
-            "version": __version__,
-            "operator": self._operator.name,
-            "permission": self._operator.permission.word,
-        }
-        return msgspec.json.encode(told)
 
     async def _send(self, message: bytes) -> None:
         """Send one message; waits while the page does not read."""
@@ -136,9 +132,7 @@ class Tab:
         if isinstance(asked, PingAsked):
             await self._send(msgspec.json.encode({"type": "pong", "number": asked.number}))
             return
-        needed = needed_for(asked)
-        if needed > self._operator.permission:
-            why = f"it needs the permission {needed.word}; yours is {self._operator.permission.word}"
+        if why := self._operator.permission.refusal(needed_for(asked)):
             await self._tell(getattr(asked, "request", ""), "", {"status": "rejected", "reason": why})
         elif isinstance(asked, WatchAsked):
             self.watched = asked.robot
@@ -189,7 +183,7 @@ class Tab:
         lane = self._hub.edges.lane_to(robot.edge)
         if lane is None:
             raise Refused(f"{name} cannot be asked: no edge is reached")
-        async for reply in commands.send(prepared, lane, self._operator.name, self._hub.clock):
+        async for reply in commands.send(prepared, lane, self._operator, self._hub.clock):
             await self._tell(request, name, _shown(reply))
 
     async def _causes(self, asked: CausesAsked) -> None:
@@ -208,14 +202,46 @@ class Tab:
     async def _mission(self, asked: MissionAsked) -> None:
         """Start a mission."""
         lanes = list(self._hub.edges.lanes().values())
-        start = asyncio.to_thread(missions.start, asked, lanes, self._operator.name, self._hub.clock)
+        start = asyncio.to_thread(missions.start, asked, lanes, self._operator, self._hub.clock)
         await self._tell(asked.request, "", await start)
 
     async def _run(self, asked: RunAsked) -> None:
         """Control a run."""
         lanes = list(self._hub.edges.lanes().values())
-        control = asyncio.to_thread(missions.control, asked, lanes, self._operator.name)
+        control = asyncio.to_thread(missions.control, asked, lanes, self._operator)
         await self._tell(asked.request, "", await control)
+
+    async def _control(self, asked: ControlAsked) -> None:
+        """Ask for control of a robot."""
+        told = control.asked(asked, self._hub.view, self._operator, self._hub.clock.time())
+        self._hub.view.put("requests", asked.robot, told)
+        await self._tell(asked.request, "", {"status": "accepted"})
+
+    async def _give(self, asked: GiveAsked) -> None:
+        """Give control of a robot, or keep it."""
+        answered = control.answered(asked, self._hub.view, self._operator)
+        if asked.give:
+            await self._command(CommandAsked(asked.request, asked.robot, "stop"))
+        self._hub.view.put("requests", asked.robot, answered)
+        await self._tell(asked.request, "", {"status": "accepted", "done": True})
+
+    async def _schedule(self, asked: ScheduleChange) -> None:
+        """Change a schedule."""
+        lanes = list(self._hub.edges.lanes().values())
+        found = await asyncio.to_thread(schedules.change, asked, lanes, self._operator)
+        self._hub.view.take_schedules(asked.edge, found)
+        await self._tell(asked.request, "", {"status": "accepted", "done": True})
+
+
+def _hello(operator: Operator) -> bytes:
+    """Return what a page is told first."""
+    told = {
+        "type": "hello",
+        "version": __version__,
+        "operator": operator.name,
+        "permission": operator.permission.word,
+    }
+    return msgspec.json.encode(told)
 
 
 def _shown(reply: Reply) -> dict[str, object]:

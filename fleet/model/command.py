@@ -24,12 +24,14 @@ class Origin(msgspec.Struct, frozen=True):
     """Sender of a request, and the transport it came over.
 
     ``source_type`` is the Cyberwave field as sent, None when it was missing.
-    ``session`` identifies the sender to the control lease and the clock-skew estimate.
+    ``session`` identifies the sender to the control lease and the clock-skew estimate. ``proven``: somebody
+    whom the edge believes vouches for it, as a console with a certificate does.
     """
 
     way: Transport
     source_type: str | None = None
     session: str = ""
+    proven: bool = False
 
 
 RUN_SESSION = "run "

@@ -29,6 +29,8 @@ class RobotState(msgspec.Struct, frozen=True, omit_defaults=True):
     ``speed`` is m/s over all axes, averaged over the last second; None when the robot reports no pose.
     ``age``: seconds from its last message to ``stamp``; None before the first message.
 
+    ``control`` is the session that has control of it, by what it was told to do last; empty for nobody.
+
     ``run`` is the run of a mission that has it; ``left_run`` why the last one has it no more, beginning with
     ``taken``, ``stopped`` or ``lost``.
 
@@ -66,6 +68,7 @@ class RobotState(msgspec.Struct, frozen=True, omit_defaults=True):
     run: str = ""
     left_run: str = ""
     heading: float | None = None
+    control: str = ""
 
 
 class EdgeState(msgspec.Struct, frozen=True, omit_defaults=True):

@@ -1,13 +1,14 @@
 """What schedules have fired: an SQLite file beside the journal. A firing is in it before it is started.
 
-What is written is on the disk when a call returns; each call raises StateError where it cannot be. For one
-thread at a time.
+What is written is on the disk when a call returns; each call raises StateError where it cannot be, also once
+it is closed. For any thread.
 """
 
 from __future__ import annotations
 
 import contextlib
 import sqlite3
+import threading
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
@@ -33,11 +34,13 @@ class Store:
     """The firings of an edge's schedules, and which schedules were switched on or off by hand."""
 
     def __init__(self, folder: Path) -> None:
+        self._using = threading.Lock()  # SQLite ends the process when a thread closes what another one uses
         self._database, self.set_aside = open_checked(folder / FILE, FORMATS, "FULL")
 
     def close(self) -> None:
         """Close the file."""
-        self._database.close()
+        with self._using:
+            self._database.close()
 
     def seen(self, name: str, digest: str, now: float) -> float:
         """Return up to when the firings of a schedule were dealt with.
@@ -114,12 +117,13 @@ class Store:
         """Do several things at once, or none; raises StateError."""
         database = self._database
         try:
-            database.execute("BEGIN IMMEDIATE")
-            try:
-                yield database
-            except BaseException:
-                database.execute("ROLLBACK")
-                raise
-            database.execute("COMMIT")
+            with self._using:
+                database.execute("BEGIN IMMEDIATE")
+                try:
+                    yield database
+                except BaseException:
+                    database.execute("ROLLBACK")
+                    raise
+                database.execute("COMMIT")
         except sqlite3.Error as error:
             raise StateError(f"{FILE} cannot be used: {error}") from None

@@ -104,7 +104,6 @@ ELSEWHERE = {
     "robot_config.py": "fleet/config/test_schema.py",
     "runtime/event_loop.py": "fleet/host/logs/test_rotating_file.py",
     "schedules/model.py": "fleet/schedules/test_runner.py",
-    "schedules/store.py": "fleet/schedules/test_crash.py",
     "sim/broker/conversation.py": "fleet/sim/broker/test_connection.py",
     "sim/broker/directory.py": "fleet/sim/broker/test_connection.py",
     "sim/broker/hub.py": "fleet/sim/broker/test_connection.py",

@@ -36,7 +36,7 @@ def test_the_wheel_holds_what_adapter_authors_test_with(root, shipped):
 
 
 def test_the_wheel_holds_the_page_of_the_console(root, shipped):
-    page = {path.relative_to(root).as_posix() for path in (root / "fleet/console/static").iterdir()}
+    page = {path.relative_to(root).as_posix() for path in (root / "fleet/console/static").rglob("*.*")}
     assert "fleet/console/static/index.html" in page
     assert page <= set(shipped)
 

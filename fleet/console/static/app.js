@@ -1,6 +1,8 @@
 // The page: its parts, each started once.
 
+import { startAlerts } from "./alerts.js";
 import { startAnswers } from "./answers.js";
+import { startControl } from "./control.js";
 import { startMap } from "./map.js";
 import { startPad } from "./pad.js";
 import { startPanel } from "./panel.js";
@@ -14,4 +16,6 @@ startPanel();
 startAnswers();
 startMap();
 startPad();
+startControl();
+startAlerts();
 start();

@@ -5,7 +5,26 @@ import { order } from "./answers.js";
 import { label, ordered, select, staleness, store } from "./store.js";
 
 const operates = () => store.permission !== "view";
-const since = {}; // by robot: {cause, at}, so that a trouble has an age
+
+// What to do next, by what a cause says; the first that fits.
+const NEXT = [
+  [/emergency stop/i, "Look at the robot, then release it on its page."],
+  [/quarantin/i, "Give it a worker of its own (worker:), or mend its adapter; restart_adapter ends the quarantine."],
+  [/not spoken|nothing heard|not been reached|was heard of it/i, "Is it switched on and in reach? Look at its link in fleet.yaml."],
+  [/cannot be opened|No such file|gone from|Permission denied/i, "Look at cable, address and rights of the link in fleet.yaml."],
+  [/it does not run|has gone|lets us in/i, "Start the edge there: fleet run. The supervisor restarts one that died."],
+  [/battery/i, "Charge it, or change its battery policy."],
+  [/another edge|twin/i, "Two edges name one twin: take it out of one fleet.yaml."],
+  [/fence/i, "Lead it back by hand, or change its fence."],
+  [/held|separation|closing/i, "Move the other robot away, or this one in another direction."],
+  [/certificate/i, "Make a new one: fleet certs renew."],
+  [/disk|read-only|cannot be written/i, "Make room on the disk of the edge, or mend its rights."],
+  [/cloud|broker/i, "The robots obey the bus meanwhile; look at network and token of the edge."],
+];
+
+function nextStep(cause) {
+  return NEXT.find(([pattern]) => pattern.test(cause))?.[1] || "Look at its history, and at what fleet logs prints.";
+}
 
 function causeOf(robot) {
   const old = staleness(robot);
@@ -18,12 +37,8 @@ function byCause(robots) {
   const found = new Map();
   for (const robot of robots) {
     const cause = causeOf(robot);
-    if (!cause) {
-      delete since[robot.id];
-      continue;
-    }
+    if (!cause) continue;
     const common = cause.replaceAll(robot.name, "ROBOT").replace(/\d+(\.\d+)?/g, "#");
-    if (since[robot.id]?.common !== common) since[robot.id] = { common, at: store.time };
     const key = `${robot.edge} ${common}`;
     found.set(key, [...(found.get(key) || []), robot]);
   }
@@ -36,16 +51,16 @@ function robotLink(robot) {
 
 function troubleItem(robots) {
   const first = robots[0];
-  const oldest = Math.min(...robots.map((robot) => since[robot.id].at));
+  const oldest = Math.min(...robots.map((robot) => robot.since));
   const many = robots.length > 1 ? `${counted(robots.length, "robot")}: ` : "";
-  return element("li", {}, healthMark(staleness(first) ? "offline" : first.health), element("div", {}, element("p", {}, many + causeOf(first)), element("p", { class: "dim" }, `since ${duration(Math.max(0, store.time - oldest))} · `, ...robots.slice(0, 12).map(robotLink))));
+  return element("li", {}, healthMark(staleness(first) ? "offline" : first.health), element("div", {}, element("p", {}, many + causeOf(first)), element("p", { class: "dim" }, `since ${duration(Math.max(0, store.time - oldest))} · `, ...robots.slice(0, 12).map(robotLink)), element("p", { class: "next" }, nextStep(causeOf(first)))));
 }
 
 function edgeItem(edge) {
   const words = edge.alive ? edge.cause : edge.problem || "away";
   const robots = byCause(ordered().filter((robot) => robot.edge === edge.edge));
   const fine = edge.alive && edge.health === "ok" && !robots.length;
-  return element("li", { class: "tree" }, healthMark(edge.alive ? edge.health || "ok" : "offline"), element("div", {}, element("p", {}, element("b", {}, edge.edge), fine ? " all well" : ` ${words || ""}`), robots.length ? element("ul", {}, ...robots.map(troubleItem)) : ""));
+  return element("li", { class: "tree" }, healthMark(edge.alive ? edge.health || "ok" : "offline"), element("div", {}, element("p", {}, element("b", {}, edge.edge), fine ? " all well" : ` ${words || ""}`), words && !robots.length ? element("p", { class: "next" }, nextStep(words)) : "", robots.length ? element("ul", {}, ...robots.map(troubleItem)) : ""));
 }
 
 export function health() {
@@ -119,4 +134,27 @@ export function missions() {
   const found = Object.values(store.missions);
   if (!found.length) return [];
   return [element("h3", {}, "Missions"), ...found.map(startForm)];
+}
+
+// -- schedules -----------------------------------------------------------------------------------------------
+
+function scheduleItem(schedule) {
+  const change = (what) => order({ ask: "schedule", edge: schedule.edge, name: schedule.name, do: what }, `schedule ${schedule.name}: ${what}`);
+  const button = (words, what) => element("button", { type: "button", disabled: !operates(), onclick: () => change(what) }, words);
+  const next = !schedule.enabled ? "switched off" : schedule.next ? `next ${timeOfDay(schedule.next)}` : "waits for its event";
+  const last = schedule.last?.[0];
+  const past = last ? `last ${timeOfDay(last.due)}: ${last.state || "due"}${last.reason ? `, ${last.reason}` : ""}${last.run ? `, run ${last.run}` : ""}` : "has not fired yet";
+  return element(
+    "li",
+    { class: "run" },
+    element("p", {}, element("b", {}, schedule.name), ` ${schedule.mission}, ${schedule.trigger}`),
+    element("p", { class: "dim" }, `${next} · ${past}`),
+    element("div", { class: "row" }, button("Start now", "run"), schedule.enabled ? button("Switch off", "disable") : button("Switch on", "enable")),
+  );
+}
+
+export function schedules() {
+  const found = Object.values(store.schedules);
+  if (!found.length) return [];
+  return [element("h3", {}, "Schedules"), element("ul", { class: "schedules" }, ...found.map(scheduleItem))];
 }

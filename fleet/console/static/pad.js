@@ -1,6 +1,7 @@
 // The pad: a robot moves only while a button or key is held. Ten velocities a second; one zero at the end.
 // It ends at release, when the page loses the focus or is hidden, when the connection closes, when a round
-// trip takes longer than LATE, and at Esc. A pad that ended for a fault has to be pressed anew.
+// trip takes longer than LATE, and at Esc. A pad that ended for a fault has to be pressed anew. A gamepad moves
+// it only while a shoulder button is held, and not before its sticks were seen in the middle.
 
 import { element } from "./dom.js";
 import { onClose, onDrove, send, silentFor } from "./store.js";
@@ -19,7 +20,15 @@ const AXES = {
   up: ["r", "Up", "⤒", { linear_z: 1 }],
   down: ["f", "Down", "⤓", { linear_z: -1 }],
 };
+const IDLE = "Hold a button, W A S D, or a shoulder button of a gamepad and push its sticks.";
+const GAMEPAD = "gamepad"; // stands in ``held`` beside the axes
+const SHOULDERS = [4, 5, 6, 7]; // buttons of the standard gamepad: both shoulders, both triggers
+const DEAD = 0.15; // of a stick's way that are its middle
+const LOOK = 50; // ms between looks at the gamepad, which tells nothing by itself
 const held = new Set();
+let sticks = {}; // by axis: the share of its limit
+let ready = false; // no shoulder button was held since the pad ended
+let looking = 0;
 const open = new Map(); // by number: when it was sent
 let pad = null; // {robot, limits, share, words}
 let timer = 0;
@@ -29,7 +38,8 @@ function velocity() {
   const limits = { ...USUAL, ...pad.limits };
   const most = { linear_x: limits.speed, linear_y: limits.speed, linear_z: limits.vertical_speed, angular_z: limits.yaw_rate };
   const sum = {};
-  for (const name of held) for (const [axis, sign] of Object.entries(AXES[name][3])) sum[axis] = (sum[axis] || 0) + sign * most[axis] * pad.share;
+  for (const name of held) for (const [axis, share] of Object.entries(name === GAMEPAD ? sticks : AXES[name][3])) sum[axis] = (sum[axis] || 0) + share;
+  for (const axis of Object.keys(sum)) sum[axis] = Math.max(-1, Math.min(1, sum[axis])) * most[axis] * pad.share;
   return sum;
 }
 
@@ -61,17 +71,43 @@ function begin(name) {
 function release(name) {
   if (!held.delete(name)) return;
   if (held.size) turn();
-  else end("Hold a button, or W A S D.");
+  else end(IDLE);
 }
 
 export function end(words = "", kind = "") {
   if (!timer) return;
   clearInterval(timer);
   timer = 0;
+  ready = false;
   held.clear();
   open.clear();
   if (pad) send({ ask: "drive", number: 0, robot: pad.robot });
   say(words, kind);
+}
+
+// -- the gamepad -------------------------------------------------------------------------------------------
+
+// Left stick: forward and turn. Right stick: sideways, and up where the robot flies.
+function sticksOf(gamepad) {
+  const value = (index) => {
+    const pushed = gamepad.axes[index] || 0;
+    return Math.abs(pushed) < DEAD ? 0 : (-Math.sign(pushed) * (Math.abs(pushed) - DEAD)) / (1 - DEAD);
+  };
+  const found = { linear_x: value(1), angular_z: value(0), linear_y: value(2), linear_z: pad.limits.vertical_speed === undefined ? 0 : value(3) };
+  return Object.fromEntries(Object.entries(found).filter(([, share]) => share));
+}
+
+function look() {
+  const gamepad = [...navigator.getGamepads()].find((each) => each?.connected);
+  const holds = Boolean(gamepad && SHOULDERS.some((index) => gamepad.buttons[index]?.pressed));
+  if (!holds) {
+    ready = true;
+    return release(GAMEPAD);
+  }
+  sticks = pad ? sticksOf(gamepad) : {};
+  if (!pad || !ready || held.has(GAMEPAD) || !document.hasFocus()) return;
+  if (Object.keys(sticks).length) say("Let go of the sticks of the gamepad, then push them.");
+  else begin(GAMEPAD);
 }
 
 function button(name) {
@@ -92,7 +128,7 @@ export function padOf(robot, told) {
   end("");
   const flies = told.limits?.vertical_speed !== undefined;
   const names = Object.keys(AXES).filter((name) => flies || !["up", "down"].includes(name));
-  const words = element("p", { role: "status" }, "Hold a button, or W A S D.");
+  const words = element("p", { role: "status" }, IDLE);
   const speed = element("input", { type: "range", min: "0.1", max: "1", step: "0.1", value: String(SHARE), "aria-label": "Share of the speed limit" });
   pad = { robot: robot.id, limits: told.limits || {}, share: SHARE, words };
   speed.addEventListener("input", () => (pad.share = Number(speed.value)));
@@ -119,6 +155,7 @@ export function startPad() {
     const name = nameOf(event);
     if (name) release(name);
   });
+  addEventListener("gamepadconnected", () => (looking ||= setInterval(look, LOOK)));
   addEventListener("blur", () => end("Ended: the page lost the focus.", ""));
   document.addEventListener("visibilitychange", () => document.hidden && end("Ended: the page was hidden.", ""));
   addEventListener("pagehide", () => end(""));

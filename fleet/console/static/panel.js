@@ -2,8 +2,10 @@
 
 import { byId, counted, duration, element, figure, healthMark, show, timeOfDay } from "./dom.js";
 import { order } from "./answers.js";
-import { health, healthKey, missions, runs } from "./overview.js";
+import { askButton, holder, isAnothers } from "./control.js";
+import { health, healthKey, missions, runs, schedules } from "./overview.js";
 import { noPad, padOf } from "./pad.js";
+import { plots, plotsKey, startPlots } from "./plots.js";
 import { ask, label, onChange, send, staleness, store } from "./store.js";
 import { stoppedRobots } from "./stopview.js";
 
@@ -35,6 +37,7 @@ function facts(robot) {
     ...fact("Speed", figure(robot.speed, 2, "m/s")),
     ...fact(robot.site ? "Position" : "Own frame", position(robot), "m"),
     ...fact("Heading", yaw === undefined || yaw === null ? "–" : `${Math.round((yaw * 180) / Math.PI)}°`, "from east"),
+    ...fact("Control", holder(robot)),
     ...fact("Link", robot.reachable ? "reachable" : "not reachable", robot.age === null ? "never heard" : `heard ${duration(robot.age)} ago`),
     ...fact("Last command", robot.last_command ? `${robot.last_command}: ${robot.last_outcome}` : "–"),
     ...(robot.separation ? fact("Separation", robot.separation) : []),
@@ -87,14 +90,6 @@ function sendCommand(robot, command, data) {
   const told = Object.entries(data).map(([name, value]) => `${name}=${value}`);
   order({ ask: "command", robot: robot.id, command: command.name, data }, [label(robot), command.name, ...told].join(" "));
   opened = "";
-  const pane = byId("robot");
-  pane.addEventListener("pointerdown", () => (held = true));
-  for (const end of ["pointerup", "pointercancel"]) {
-    addEventListener(end, () => {
-      held = false;
-      setTimeout(draw); // after the click that follows
-    });
-  }
   draw();
 }
 
@@ -147,16 +142,32 @@ function commands(robot) {
   const told = store.descriptions[robot.id];
   if (!told) return [element("p", { class: "dim" }, "What it takes is not known yet.")];
   const shown = told.commands.filter((command) => !HIDDEN.has(command.name) && (robot.run || command.name !== "take"));
-  const refusals = new Map();
-  for (const command of shown) if (command.refusal) refusals.set(command.refusal, (refusals.get(command.refusal) || 0) + 1);
   const form = shown.find((command) => command.name === opened);
   return [
     ...kinds(shown).map(([heading, list]) =>
       element("div", {}, element("h3", {}, heading), element("div", { class: "commands" }, ...list.map((command) => commandButton(robot, command)))),
     ),
     form ? commandForm(robot, form) : null,
-    ...[...refusals].map(([why, many]) => element("p", { class: "why" }, `${many === shown.length ? "Nothing" : counted(many, "command")} now: ${why}`.replace(/^(\d.*) now/, "$1 not now"))),
   ];
+}
+
+// What it cannot do, before anybody asks: what it has not, and what would be refused now, with the reason.
+function cannot(robot, told) {
+  const never = [];
+  if (!told.goals) never.push("go to a place on the map");
+  if (!told.drives) never.push("be driven by hand");
+  const found = never.length ? [["Never", never.join(", "), "this kind of robot has no command for it"]] : [];
+  const refusals = new Map();
+  const shown = told.commands.filter((command) => !HIDDEN.has(command.name) && command.name !== "take");
+  for (const command of shown.filter((each) => each.refusal)) refusals.set(command.refusal, [...(refusals.get(command.refusal) || []), command.name]);
+  for (const [why, names] of refusals) {
+    const words = names.length === shown.length ? "any command" : names.map((name) => name.replaceAll("_", " ")).join(", ");
+    found.push(["Not now", words, why]);
+  }
+  if (!operates()) found.push(["Not you", "anything but a stop", "it needs the permission operate; yours is view"]);
+  if (!found.length) return [];
+  const items = found.map(([when, what, why]) => element("li", {}, element("b", {}, when), element("span", {}, what), element("small", {}, why)));
+  return [element("h3", {}, "What it cannot do"), element("ul", { class: "cannot" }, ...items)];
 }
 
 // What was asked of the robot lately, by whom, and what became of it; asked for when somebody wants it.
@@ -268,11 +279,16 @@ function draw() {
   part("health", alone && healthKey(), () => (alone ? health() : []));
   part("runs", alone && [store.runs, store.permission], () => (alone ? runs() : []));
   part("missions", alone && [store.missions, store.permission], () => (alone ? missions() : []));
+  part("cannot", robot && described && [robot.id, described, store.permission], () => (robot && described ? cannot(robot, described) : []));
+  part("schedules", alone && [store.schedules, store.permission], () => (alone ? schedules() : []));
   part("figures", robot && [robot, position(robot), store.poses[robot.id]], () => (robot ? [facts(robot)] : []));
   const drives = robot && described?.drives && operates() ? described : null;
   part("driving", drives && [robot.id, drives.limits], () => (drives ? [element("h3", {}, "Drive by hand"), padOf(robot, drives)] : noPad() || []));
   // While a form is open, nothing that is told replaces what is typed into it.
   part("asking", robot && [robot.id, opened || described, robot.run, store.permission], () => (robot ? commands(robot) : []));
+  const others = robot && operates() && isAnothers(robot);
+  part("control", others && [robot.id, robot.control], () => (others ? [askButton(robot)] : []));
+  part("plots", robot && [robot.id, plotsKey(robot)], () => (robot ? plots(robot) : []));
   part("history", robot && [robot.id, past], () => (robot ? history(robot) : []));
 }
 
@@ -292,6 +308,7 @@ export function startPanel() {
     watch();
     draw();
   });
+  startPlots(draw);
   const pane = byId("robot");
   pane.addEventListener("pointerdown", () => (held = true));
   for (const end of ["pointerup", "pointercancel"]) {

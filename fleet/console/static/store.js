@@ -15,6 +15,9 @@ export const store = {
   stops: {},
   missions: {},
   runs: {},
+  numbers: {},
+  schedules: {},
+  requests: {},
   tracks: {},
   operator: "",
   permission: "view",
@@ -70,7 +73,7 @@ function takeNews(message) {
   store.now = message.now;
   store.time = message.time;
   const kinds = new Set();
-  for (const kind of ["edges", "robots", "poses", "goals", "descriptions", "stops", "missions", "runs"]) {
+  for (const kind of ["edges", "robots", "poses", "goals", "descriptions", "stops", "missions", "runs", "numbers", "schedules", "requests"]) {
     if (!message[kind]) continue;
     kinds.add(kind);
     Object.assign(store[kind], message[kind]);

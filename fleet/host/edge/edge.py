@@ -332,7 +332,7 @@ class Edge:
             self.bridge.streams.listen(self.bus.reports.subscribe)
         self.bus.control.answer(keys.health(edge), self._asked_health)
         self.bus.control.answer(keys.history(edge), self._recall.asked)
-        self.bus.control.answer(keys.schedules(edge), self.schedules.asked)
+        self.bus.control.answer(keys.schedules(edge), self.schedules.asked, more=keys.CONSOLE)
         self.missions.declare()
         self._notifier.hear(self.bus.reports, {robot.twin: robot.name for robot in self.remote.values()})
         health = self.bus.control.publisher(keys.health(edge))

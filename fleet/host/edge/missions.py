@@ -27,6 +27,7 @@ from fleet.host.edge.run_results import RunResults
 from fleet.host.edge.start_requests import StartRequests
 from fleet.host.edge.twin_plans import TwinPlans
 from fleet.host.process.robot_process import RobotProcess
+from fleet.host.requests.console_asker import console_refusal
 from fleet.host.requests.stop_cause import StopCause
 from fleet.host.safety.source_policy import SourcePolicy
 from fleet.host.workers.remote_robot import RemoteRobot
@@ -48,6 +49,7 @@ from fleet.missions.store import About, Store, Told
 from fleet.model.command import Origin, Transport
 from fleet.model.description import RobotDescription
 from fleet.model.event import EventKind, EventReport, Requester, Severity
+from fleet.model.permission import Permission
 from fleet.model.report import NavigationReport, PhotoReport
 from fleet.model.state import RobotState
 from fleet.runtime.decoding import decode_json
@@ -184,8 +186,8 @@ class Missions:
 
     def declare(self) -> None:
         """Take questions, look at the robots, and take up the runs of an earlier process."""
-        self._bus_session.answer(keys.mission(self._edge, "*"), self._asked_mission)
-        self._bus_session.answer(keys.run(self._edge, "*"), self._asked_run)
+        self._bus_session.answer(keys.mission(self._edge, "*"), self._asked_mission, more=keys.CONSOLE)
+        self._bus_session.answer(keys.run(self._edge, "*"), self._asked_run, more=keys.CONSOLE)
         self._hear_events()
         self.partners.declare(self._process.scheduler.every)
         self.coordinators.declare(self._bus_session, self._process.scheduler.every)
@@ -324,6 +326,9 @@ class Missions:
         ask = decode_json(question.payload, StartAsk)
         if ask.run:
             check_run_id(ask.run)
+        needed = Permission.OPERATE if ask.mission is None else Permission.ADMIN
+        if refusal := console_refusal(question, needed):
+            raise Refused(refusal)
         return ask
 
     def _tell_started(
@@ -365,7 +370,8 @@ class Missions:
         if ask.do == "results":
             self.results.answer(question, keys.run(self._edge, run), run)
             return
-        question.reply(_encode(Controlled(self.runs.control(run, ask))), keys.run(self._edge, run))
+        refusal = console_refusal(question, Permission.OPERATE) or self.runs.control(run, ask)
+        question.reply(_encode(Controlled(refusal)), keys.run(self._edge, run))
         question.close()
 
     def _tell_story(self, question: Query, run: str, story: list[Told]) -> None:

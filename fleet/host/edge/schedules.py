@@ -13,8 +13,10 @@ from fleet.bus.zenoh_session import Query
 from fleet.clock import Clock
 from fleet.config.schema import Sections
 from fleet.errors import StateError
+from fleet.host.requests.console_asker import console_refusal
 from fleet.host.requests.history_recorder import never_raises
 from fleet.model.event import EventKind, EventReport
+from fleet.model.permission import Permission
 from fleet.model.schedule import ScheduleAnswer, ScheduleAsked
 from fleet.model.state import RobotState
 from fleet.runtime.decoding import decode_json
@@ -129,7 +131,10 @@ class EdgeSchedules:
     async def _answer(self, question: Query) -> None:
         """Answer a question; each has exactly one answer."""
         try:
-            answer = await self._answered(decode_json(question.payload, ScheduleAsked))
+            asked = decode_json(question.payload, ScheduleAsked)
+            needed = Permission.VIEW if asked.do == "list" else Permission.OPERATE
+            refusal = console_refusal(question, needed)
+            answer = ScheduleAnswer(refusal=refusal) if refusal else await self._answered(asked)
         except (msgspec.DecodeError, StateError) as error:
             answer = ScheduleAnswer(refusal=str(error))
         except Exception as error:

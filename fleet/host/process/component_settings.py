@@ -13,6 +13,7 @@ from fleet.cloud.credentials import PLACEHOLDER, client_id, credentials
 from fleet.cloud.values import CloudSettings
 from fleet.config.schema import CloudConfig, FleetConfig, Sections
 from fleet.host.process.twin_claims import SETTLE
+from fleet.model.permission import Permission
 from fleet.plugins.registry import Plugin
 from fleet.robot_config import MAIN, AdapterConfig
 from fleet.spool.spool import SpoolSettings
@@ -66,7 +67,8 @@ def bus_access(config: FleetConfig) -> Access | None:
     twins = tuple(str(robot.twin) for robot in config.robots)
     coordinators = frozenset(name for name, partner in config.partners.items() if partner.coordinates)
     channels = tuple(config.cloud.channels) if config.cloud else ()
-    return Access(config.bus.access, twins, channels, coordinators)
+    consoles = {name: Permission[word.upper()] for name, word in config.bus.consoles.items()}
+    return Access(config.bus.access, twins, channels, coordinators, consoles)
 
 
 def settle_time(config: Sections) -> float:

@@ -19,6 +19,7 @@ from fleet.clock import Clock
 from fleet.history.store import History
 from fleet.host.journal.journal import Journal
 from fleet.host.logs.rotating_file import log_and_flush
+from fleet.host.process.console_requests import ConsoleRequests
 from fleet.host.process.setpoints import take_setpoints
 from fleet.host.process.twin_claims import TwinClaims
 from fleet.host.process.video_relay import relay_video
@@ -118,6 +119,7 @@ class RobotProcess:
                 robot.share_space(traffic)
             here, everywhere = keys.places(edge, worker or MAIN), keys.places(edge, "*")
             exchange(traffic, here, everywhere, bus.control, self.scheduler)
+        self._consoles = ConsoleRequests(bus.consoles, clock)
         self.claims = TwinClaims(
             edge,
             [robot.twin for robot in self.robots.values()],
@@ -306,7 +308,7 @@ class RobotProcess:
         control = self.bus.control
         relay_video(robot, self.edge, self.bus.reports, self.loop, self.clock, put=self.outbox.put_document)
         control.token(keys.robot(self.edge, robot.name))
-        control.answer(keys.command(self.edge, robot.name), self._asker(robot))
+        control.answer(keys.command(self.edge, robot.name), self._asker(robot), more=keys.CONSOLE)
         control.answer(keys.state(self.edge, robot.name), self._event_reporter(robot.state))
         control.answer(keys.description(self.edge, robot.name), self._event_reporter(robot.describe))
 
@@ -344,12 +346,16 @@ class RobotProcess:
         if kind not in KINDS:
             refusal = f"{kind!r} is no kind of message; one of {', '.join(KINDS)}"
             return partial(answer, Reply(kind, ReplyStatus.REJECTED, refusal))
+        refused = self._consoles.refusal(robot, kind, question)
+        if refused is not None:
+            return partial(answer, refused)
         take = robot.read(
             kind,
             question.payload,
             way=Transport.CLOUD if question.parameters.get("way") == "cloud" else Transport.BUS,
             request_id=question.parameters.get("id", ""),
             waits=waits,
+            proven=self._consoles.is_proven(question),
         )
         return question.close if take is None else partial(take, answer)
 

@@ -9,6 +9,8 @@ import logging
 from collections.abc import Callable, Mapping
 from types import MappingProxyType
 
+import msgspec
+
 from fleet.clock import Clock
 from fleet.model.command import Command, JointSetpoint, Origin, Setpoint, Transport
 from fleet.model.event import EventKind, EventReport, Requester, Severity
@@ -38,7 +40,13 @@ def robot_log(name: str) -> logging.Logger:
 
 def requester_of(origin: Origin) -> Requester:
     """Return who asked, as far as the message itself says; who is on this computer is known for sure."""
-    return Requester(origin.way, origin.session, origin.source_type, proven=origin.way in _OURS)
+    proven = origin.proven or origin.way in _OURS
+    return Requester(origin.way, origin.session, origin.source_type, proven=proven)
+
+
+def with_proof(ask: Ask) -> Ask:
+    """Return a request whose sender's name is known to be true."""
+    return msgspec.structs.replace(ask, origin=msgspec.structs.replace(ask.origin, proven=True))
 
 
 class EventReporter:

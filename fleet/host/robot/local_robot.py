@@ -13,7 +13,7 @@ from fleet.commands import CommandSpec
 from fleet.errors import WireError
 from fleet.host.journal.journal import RobotJournal
 from fleet.host.requests.decode import Ask, RequestDecoder, is_discrete, is_stop, max_wait, reply_with_flaw
-from fleet.host.requests.event_reporter import request_of, requester_of, robot_log
+from fleet.host.requests.event_reporter import request_of, requester_of, robot_log, with_proof
 from fleet.host.requests.history_recorder import HistoryRecorder, never_raises
 from fleet.host.requests.receipt import Receipt
 from fleet.host.requests.stop_cause import StopCause
@@ -154,12 +154,14 @@ class LocalRobot:
         request_id: str = "",
         waits: bool = False,
         unread: str = "",
+        proven: bool = False,
     ) -> Request | None:
         """Read a message, from any thread; an emergency stop halts and latches there and then.
 
         What is returned takes the message, on the loop: it stops, obeys, answers and records. The answers
         are the receipt, and the end when the asker waits. None for a reply, which asks nothing. What waits
-        too long for a loop that is held up is refused. ``unread``: why the payload must not be read.
+        too long for a loop that is held up is refused. ``unread``: why the payload must not be read;
+        ``proven``: the sender's name is known to be true.
         """
         arrived = self._arrival()
         try:
@@ -169,6 +171,7 @@ class LocalRobot:
             return Request(partial(self._refuse, kind, way, name, action_id, str(error)))
         if ask is None:
             return None
+        ask = with_proof(ask) if proven else ask
         if ask.name == EMERGENCY:
             self._stop_at_once(ask.origin, request_of(ask))
         return Request(partial(self._take, kind, ask, waits, arrived), is_stop(ask), is_discrete(ask))
@@ -321,6 +324,7 @@ class LocalRobot:
             run=self.controller.lease.run,
             left_run=self.controller.lease.left,
             heading=rounded(self._seen.heading),
+            control=self.controller.lease.holder(self._clock.monotonic()),
         )
 
     def describe(self) -> RobotDescription:

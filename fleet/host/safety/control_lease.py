@@ -35,6 +35,10 @@ class ControlLease:
             return None
         return f"{self._holder or 'another operator'} has control for {self._until - now:.1f} s more"
 
+    def holder(self, now: float) -> str:
+        """Return the session that has the robot now, empty when none has; a run of a mission is ``run``."""
+        return self._holder if now < self._until and not self.run else ""
+
     def take(self, session: str, now: float) -> None:
         """Give the robot to this session from now on."""
         self._holder = session

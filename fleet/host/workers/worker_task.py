@@ -19,7 +19,7 @@ from fleet.config.load import Loaded
 from fleet.errors import ConfigError
 from fleet.history.store import HistoryBounds
 from fleet.host.journal.stores import history_bounds
-from fleet.host.process.component_settings import bus_settings, settle_time, worker_of
+from fleet.host.process.component_settings import bus_access, bus_settings, settle_time, worker_of
 from fleet.host.process.robot_process import RobotSpec
 from fleet.host.process.stop_inputs import robots_of
 from fleet.model.geodesy import GeoOrigin
@@ -68,7 +68,7 @@ def task_of(loaded: Loaded, worker: str) -> WorkerTask:
     return WorkerTask(
         worker=worker,
         edge=config.edge.id,
-        bus=bus_settings(config),
+        bus=bus_settings(config, bus_access(config)),
         state=str(state_folder(config.edge.id, config.edge.spool.path).absolute()),
         history=history_bounds(config),
         settle=settle_time(config),

@@ -16,6 +16,7 @@ from fleet.bus.settings import BusSettings, BusTls, zenoh_settings
 from fleet.bus.zenoh_session import ZenohSession
 from fleet.config.certificates import Identity, issue_pair, make_authority
 from fleet.errors import BusError
+from fleet.model.permission import Permission
 from fleet.testing.waiting import wait_until
 
 OURS = "6f0c9a1e-8d2b-4c57-9a39-2f4a1d0b7c11"
@@ -74,6 +75,10 @@ ASK = {
     "fleet/yard/schedules": {"desk", "hub"},
     "fleet/yard/missions/patrol": {"desk", "hub"},
     "fleet/yard/runs/3f2a": {"desk", "hub"},
+    "fleet/yard/robots/rex/command/as/admin/desk": {"desk", "hub"},
+    "fleet/yard/runs/3f2a/as/view/desk": {"desk", "hub"},
+    "fleet/yard/robots/rex/command/as/view/other": {"hub"},
+    "fleet/yard/robots/rex/command/as/root/desk": {"hub"},
     "fleet/yard/coordinator": {"hub"},
     "fleet/yard/robots/rex/description": set(ROLES),
     "fleet/yard/elsewhere": {"hub"},
@@ -83,6 +88,7 @@ ANSWER = {
     "fleet/yard/workers/arms/reload": {"arms", "hub"},
     "fleet/yard/workers/legs/reload": {"hub"},
     "fleet/yard/robots/max/command": {"arms", "hub"},
+    "fleet/yard/robots/max/command/as/view/desk": {"arms", "hub"},
     "fleet/yard/robots/max/video": {"planner", "hub"},
     "fleet/yard/robots/max/prepare": {"arms", "hub"},
     "fleet/yard/starts": {"arms", "hub"},
@@ -279,7 +285,7 @@ def test_every_key_of_the_fleet_is_given_to_somebody_or_kept():
     decided = {"edge", "robot", "claim", "claims", "command", "holders", "places", "state", "worker"}
     decided |= {"heartbeat", "halt", "health", "stop", "held", "video", "history", "description"}
     decided |= {"prepare", "starts", "starting", "schedules"}
-    decided |= {"mission", "run", "reload", "coordinator"}
+    decided |= {"mission", "run", "reload", "coordinator", "as_console"}
     assert {name for name, _ in inspect.getmembers(keys, inspect.isfunction)} == decided
 
 
@@ -331,3 +337,17 @@ def test_only_an_edge_that_coordinates_its_robots_may_command_them():
         return {key for rule in rules if "query" in rule.messages for key in rule.keys}
 
     assert asks("shed") - asks("barn") == {"fleet/yard/coordinator", "fleet/yard/robots/*/command"}
+
+
+def test_a_console_that_may_only_show_asks_by_no_key_that_moves_a_robot():
+    access = Access({"wall": "console", "desk": "console"}, consoles={"wall": Permission.VIEW})
+
+    def asks(name):
+        rules = rules_of("console", name, "yard", access)
+        return {key for rule in rules if "query" in rule.messages for key in rule.keys}
+
+    shown = {
+        f"fleet/*/{key}/as/view/wall" for key in ("robots/*/command", "missions/*", "runs/*", "schedules")
+    }
+    assert asks("wall") == {"fleet/*/history", *shown}
+    assert {"fleet/*/robots/*/command", "fleet/*/robots/*/command/as/admin/desk"} <= asks("desk")

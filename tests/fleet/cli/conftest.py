@@ -169,7 +169,7 @@ class PlayedEdge:
                 question.reply(msgspec.json.encode(reply))
             question.close()
 
-        self._control.answer(keys.command(self.edge, name), answer)
+        self._control.answer(keys.command(self.edge, name), answer, more=keys.CONSOLE)
         return asked
 
     def answers_late(self, name, *replies):

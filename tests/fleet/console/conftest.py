@@ -14,8 +14,8 @@ from websockets.sync.client import connect
 
 from fleet.console.links import LinkAsked, ask_link
 from fleet.console.program import serve
-from fleet.console.sessions import Permission
 from fleet.console.task import ConsoleTask, link_socket
+from fleet.model.permission import Permission
 from fleet.runtime.event_loop import BackgroundLoop
 from fleet.testing.waiting import DEADLINE, wait_until
 

@@ -6,7 +6,7 @@ import pytest
 from websockets.exceptions import InvalidStatus
 from websockets.sync.client import connect
 
-from fleet.console.sessions import Permission
+from fleet.model.permission import Permission
 
 
 @pytest.mark.parametrize(

@@ -8,8 +8,8 @@ import signal
 from fleet.clock import SystemClock
 from fleet.console.child import ConsoleChild
 from fleet.console.links import LinkAsked, answers
-from fleet.console.sessions import Permission
 from fleet.console.task import ConsoleTask, link_socket
+from fleet.model.permission import Permission
 from fleet.testing.waiting import DEADLINE
 
 ASKED = LinkAsked("anna", Permission.ADMIN)

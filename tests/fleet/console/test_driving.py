@@ -4,8 +4,8 @@ import json
 
 import pytest
 
-from fleet.console.sessions import Permission
 from fleet.model.command import Reply, ReplyStatus
+from fleet.model.permission import Permission
 from fleet.testing.waiting import wait_until
 
 

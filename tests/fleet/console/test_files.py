@@ -1,5 +1,9 @@
 """The files of the page: a table, and nothing outside of it."""
 
+import hashlib
+import re
+from pathlib import Path
+
 import pytest
 
 from fleet.console.files import TYPES, page_files
@@ -40,7 +44,21 @@ def test_the_page_loads_nothing_from_elsewhere_and_has_no_code_in_itself():
     assert "onclick" not in page
     assert all(f'src="{path}"' in page for path in ("/stop.js", "/app.js"))
     for path, file in files.items():
+        if path.startswith("/vendor/"):
+            continue
         text = file.content.decode().replace("http://www.w3.org/2000/svg", "")
         assert "http://" not in text, path
         assert "https://" not in text, path
         assert "innerHTML" not in text, path
+
+
+def test_what_others_wrote_is_as_they_released_it_and_has_its_licence():
+    root = Path(__file__).parents[3]
+    told = (root / "docs" / "dependencies.md").read_text()
+    rows = re.findall(r"^\| (\S+\.(?:js|css)) \| (\w+) \S+ \| [\w-]+ \| ([0-9a-f]{64}) ", told, re.MULTILINE)
+    vendor = root / "fleet" / "console" / "static" / "vendor"
+    files = {path.name: hashlib.sha256(path.read_bytes()).hexdigest() for path in vendor.glob("*.*s*")}
+    files = {name: digest for name, digest in files.items() if not name.endswith(".txt")}
+    assert files == {name: digest for name, _, digest in rows}
+    licences = {path.name.partition(".")[0].lower() for path in vendor.glob("*.LICENSE.txt")}
+    assert {package for _, package, _ in rows} <= licences

@@ -5,8 +5,8 @@ import socket
 import pytest
 
 from fleet.console.links import ConsoleError, LinkAsked, all_links, ask_link, serve_links
-from fleet.console.sessions import Permission
 from fleet.console.task import link_socket
+from fleet.model.permission import Permission
 
 ASKED = LinkAsked("anna", Permission.VIEW)
 

@@ -3,8 +3,9 @@
 import msgspec
 import pytest
 
-from fleet.console.sessions import Permission
+from fleet.bus import keys
 from fleet.missions.report import AskedNow, Controlled, MissionState, RunRobot, RunState, Started
+from fleet.model.permission import Permission
 
 RUN = RunState(
     "3f2a",
@@ -24,8 +25,8 @@ class PlayedMissions:
     def __init__(self, yard):
         self.asked = []
         self.answers = {"patrol": Started("3f2a", {"feet": ["rex"]}), "3f2a": Controlled()}
-        yard.bus.control.answer("fleet/yard-1/missions/patrol", self._take)
-        yard.bus.control.answer("fleet/yard-1/runs/3f2a", self._take)
+        yard.bus.control.answer("fleet/yard-1/missions/patrol", self._take, more=keys.CONSOLE)
+        yard.bus.control.answer("fleet/yard-1/runs/3f2a", self._take, more=keys.CONSOLE)
 
     def _take(self, question):
         name = question.key.rpartition("/")[2]

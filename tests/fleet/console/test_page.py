@@ -3,23 +3,25 @@
 import contextlib
 import json
 import re
+from pathlib import Path
 
 import msgspec
 import pytest
 import yaml
 
 from fleet.config.load import load
-from fleet.console.sessions import Permission
 from fleet.history.record import Record
 from fleet.model.command import Reply, ReplyStatus, Transport
 from fleet.model.description import CommandDescription, ParameterDescription, RobotDescription
 from fleet.model.event import EventKind, Requester
 from fleet.model.geometry import Vector3
+from fleet.model.permission import Permission
 from fleet.model.site import Placement
 from fleet.model.state import RobotState
 from fleet.testing.waiting import wait_until
 
 WAIT = 60_000  # ms; busy computers are slow
+AXE = Path(__file__).parents[2] / "data" / "axe" / "axe.min.js"  # axe-core 4.14.1, unchanged
 SCRIPT = "<img src=x onerror=window.broken=1>"
 REX, BEAST = "yard-1/rex", "yard-1/beast"
 
@@ -71,14 +73,16 @@ def open_page(browser, console, yard):
     with contextlib.ExitStack() as stack:
         errors = []
 
-        def open_page(permission=Permission.ADMIN, prepare=lambda _page: None, *, loads=True, **options):
+        def open_page(
+            permission=Permission.ADMIN, prepare=lambda _page: None, *, loads=True, operator="anna", **options
+        ):
             context = browser.new_context(viewport={"width": 1200, "height": 800}, **options)
             stack.callback(context.close)
             page = context.new_page()
             page.set_default_timeout(WAIT)
             page.on("pageerror", lambda error: errors.append(str(error)))
             prepare(page)
-            page.goto(console.link(permission), wait_until="load" if loads else "commit")
+            page.goto(console.link(permission, operator), wait_until="load" if loads else "commit")
             if loads:
                 page.wait_for_selector(row(REX))
                 page.wait_for_selector(row(BEAST))
@@ -244,7 +248,26 @@ def test_buttons_come_from_the_declared_commands_with_units_limits_and_why_not_n
     assert (message["command"], message["data"]) == ("beep", {"seconds": 2.5})
     dock = page.locator("button.command", has_text="dock")
     assert dock.get_attribute("aria-disabled") == "true"
-    assert "the battery is full" in page.inner_text("#robot .why")
+    assert "Not now dock the battery is full" in " ".join(page.inner_text("#robot .cannot").split())
+
+
+def test_any_number_that_a_robot_reports_is_plotted(open_page, yard):
+    page = open_page()
+    page.click(row(REX))
+    twin = "6f0c9a1e-8d2b-4c57-9a39-2f4a1d0b7c11"
+    told = iter(range(1_000_000))
+
+    def offered():
+        message = {"percent": 80.0, "current": next(told)}
+        yard.bus.reports.put(f"cw/{twin}/data/battery", json.dumps(message).encode())
+        return page.locator("#robot .plots option", has_text="battery.current").count()
+
+    wait_until("it is offered", offered)
+    page.select_option("#robot .plots select", "battery.current")
+    page.wait_for_selector(".plot canvas")
+    wait_until("it moves", lambda: offered() == 0 and int(page.inner_text(".plot .value")) > 3)
+    page.click(".plot button.link")
+    assert page.locator(".plot").count() == 0
 
 
 def test_a_release_is_an_act_of_its_own_that_shows_who_stopped(open_page, yard):
@@ -372,6 +395,33 @@ def test_a_pad_ends_when_the_answers_take_too_long(pad):
     wait_until("the zero", lambda: driven(asked)[-1] == 0.0)
 
 
+GAMEPAD = """window.gamepad = {connected: true, axes: [0, 0, 0, 0], buttons: Array(16).fill({})};
+navigator.getGamepads = () => [window.gamepad];
+window.hold = (button, forward) => {
+    gamepad.buttons = gamepad.buttons.map((_, index) => ({pressed: index === button}));
+    gamepad.axes = [0, -forward, 0, 0];
+};"""
+
+
+def test_a_gamepad_drives_only_while_a_shoulder_button_is_held_and_from_sticks_in_the_middle(open_page, yard):
+    asked = yard.answers("rex", Reply("motion", ReplyStatus.ACCEPTED))
+    page = open_page()
+    page.click(row(REX))
+    page.wait_for_selector(".pad")
+    page.evaluate(GAMEPAD)
+    page.evaluate("dispatchEvent(new Event('gamepadconnected'))")
+    page.evaluate("hold(null, 1)")  # a stick alone moves nothing
+    page.evaluate("new Promise((resume) => setTimeout(resume, 120)).then(() => hold(5, 1))")
+    shows(page, ".pad [role=status]", "Let go of the sticks")
+    assert driven(asked) == []
+    page.evaluate("hold(5, 0)")
+    wait_until("it holds", lambda: page.evaluate("1") and driven(asked))
+    page.evaluate("hold(5, 1)")
+    wait_until("it drives", lambda: page.evaluate("1") and 1.0 in driven(asked))
+    page.evaluate("hold(null, 1)")
+    wait_until("the zero", lambda: page.evaluate("1") and driven(asked)[-1] == 0.0)
+
+
 def test_a_refusal_ends_the_pad_and_is_shown(open_page, yard):
     yard.answers("beast", Reply("motion", ReplyStatus.REJECTED, "anna has control"))
     yard.tells("fleet/yard-1/robots/beast/description", RobotDescription("beast", "toy", (), drives=True))
@@ -388,8 +438,53 @@ def test_what_is_wrong_is_shown_by_cause_while_no_robot_is_selected(open_page, y
     yard.bus.control.put("fleet/yard-1/robots/beast/state", msgspec.json.encode(stuck))
     shows(page, "#robot .causes", f"{SCRIPT} is stuck")
     shows(page, "#robot .causes", "since ")
+    shows(page, "#robot .causes .next", "Look at its history")
     page.click(".causes button.link >> nth=0")
     page.wait_for_selector('#robots [aria-selected="true"]')
+
+
+def test_who_has_control_is_asked_for_it_and_gives_it_which_stops_the_robot(open_page, yard):
+    asked = yard.answers("beast", Reply("stop", ReplyStatus.ACCEPTED, done=True))
+    driven = RobotState("beast", "", "toy", "yard-1", 2.0, health="ok", control="ben", reachable=True)
+    anna, ben = open_page(), open_page(operator="ben")
+    yard.bus.control.put("fleet/yard-1/robots/beast/state", msgspec.json.encode(driven))
+    anna.click(row(BEAST))
+    anna.click("button.ask-control")
+    shows(anna, "#asks", "ben is asked for beast")
+    shows(ben, "#asks", "anna asks for control of beast")
+    ben.click("#asks button.primary")
+    wait_until("the stop", lambda: ben.evaluate("1") and asked)
+    message = json.loads(asked[0].payload)
+    assert (message["command"], message["session_id"]) == ("stop", "ben")
+    shows(anna, "#asks", "ben gave beast")
+
+
+NOTED = """window.noted = [];
+window.Notification = class { constructor(title, told) { window.noted.push([title, told.body]); } };
+Notification.permission = "granted";
+window.tones = 0;
+AudioContext.prototype.createOscillator = new Proxy(AudioContext.prototype.createOscillator, {
+    apply: (call, context) => { window.tones += 1; return Reflect.apply(call, context, []); },
+});"""
+
+
+def test_a_fault_sounds_and_is_notified_only_where_that_is_wanted(open_page, yard):
+    page = open_page(prepare=lambda page: page.add_init_script(NOTED))
+
+    def becomes(health, stamp):
+        state = RobotState("rex", "", "toy", "yard-1", stamp, health=health, cause=f"{health} {stamp:g}")
+        yard.bus.control.put("fleet/yard-1/robots/rex/state", msgspec.json.encode(state))
+        page.wait_for_selector(f"{row(REX)} .mark.{health}")
+
+    becomes("fault", 11.0)
+    becomes("degraded", 12.0)
+    assert page.evaluate("[noted, tones]") == [[], 0]
+    page.click("#alerts")
+    becomes("fault", 13.0)
+    wait_until("it is notified", lambda: page.evaluate("noted"))
+    assert page.evaluate("noted") == [["rex: fault", "fault 13"]]
+    assert page.evaluate("tones") >= 1
+    assert page.get_attribute("#alerts", "aria-pressed") == "true"
 
 
 @pytest.mark.parametrize("scheme", ["light", "dark"])
@@ -399,6 +494,27 @@ def test_every_text_of_the_page_can_be_read(open_page, scheme):
     page.click('[data-stop="selected"]')
     page.wait_for_selector("#stop-detail table")
     assert page.evaluate(CONTRASTS) == []
+
+
+def test_axe_finds_no_barrier_on_the_overview_on_a_robots_page_and_while_one_is_stopped(open_page, yard):
+    page = open_page()
+    checked = AXE.read_text()
+
+    def barriers():
+        page.evaluate(checked)
+        found = page.evaluate("axe.run()")
+        assert len(found["passes"]) > 15
+        return [(each["id"], [node["html"] for node in each["nodes"]]) for each in found["violations"]]
+
+    assert barriers() == []
+    page.click(row(REX))
+    page.wait_for_selector("button.command")
+    page.click("text=beep…")
+    assert barriers() == []
+    page.click('[data-stop="selected"]')
+    page.click("#robot button.release")
+    page.wait_for_selector("#robot .confirm")
+    assert barriers() == []
 
 
 CONTRASTS = """() => {

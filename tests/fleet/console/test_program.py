@@ -7,8 +7,8 @@ import pytest
 
 from fleet.console.links import ConsoleError, LinkAsked
 from fleet.console.program import serve
-from fleet.console.sessions import Permission
 from fleet.console.task import ConsoleTask
+from fleet.model.permission import Permission
 
 ASKED = LinkAsked("anna", Permission.ADMIN)
 

@@ -3,8 +3,8 @@
 import pytest
 
 from fleet.console.requests import CommandAsked, StopAsked, needed_for, read_asked, read_stop
-from fleet.console.sessions import Permission
 from fleet.errors import WireError
+from fleet.model.permission import Permission
 
 
 def test_everybody_may_stop_and_only_who_administers_may_change_a_robot_for_good():

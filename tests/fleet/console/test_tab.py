@@ -6,7 +6,7 @@ import pytest
 from websockets.exceptions import ConnectionClosed
 
 from fleet.console.guard import LONGEST_BODY
-from fleet.console.sessions import Permission
+from fleet.model.permission import Permission
 
 
 def test_a_message_that_is_too_large_closes_the_page(console):

@@ -1,0 +1,32 @@
+"""Schedules from the console: switched and started as from the command line, by the operator's name."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+import msgspec
+
+from fleet.bus import keys
+from fleet.bus.zenoh_session import ZenohSession
+from fleet.console.requests import ScheduleChange
+from fleet.console.sessions import Operator
+from fleet.errors import Refused, TimedOut
+from fleet.model.schedule import ScheduleAnswer, ScheduleAsked, ScheduleState
+from fleet.runtime.decoding import decode_json
+
+ANSWER_WITHIN = 15.0  # s for an edge to start a mission: its robots join it first
+
+
+def change(
+    asked: ScheduleChange, lanes: Iterable[ZenohSession], operator: Operator
+) -> tuple[ScheduleState, ...]:
+    """Change a schedule; return how those of the edge are then. Raises Refused, TimedOut. Blocks."""
+    key, wanted = keys.schedules(asked.edge), ScheduleAsked(asked.do, asked.name, operator.name)
+    for lane in lanes:
+        to = keys.as_console(key, operator.permission.word, lane.identity)
+        for _, data in lane.ask(to, msgspec.json.encode(wanted), timeout=ANSWER_WITHIN):
+            answer = decode_json(data, ScheduleAnswer)
+            if answer.refusal:
+                raise Refused(answer.refusal)
+            return answer.schedules
+    raise TimedOut(f"no edge answers on {key}")

@@ -1,0 +1,69 @@
+"""What watched robots report, all of it: taken from the bus only while a page shows the robot.
+
+The reports of a whole fleet are more than a console should read for nobody.
+"""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable, Mapping
+
+import msgspec
+
+from fleet.bus.bus import Bus
+from fleet.console.fleet_view import FleetView
+from fleet.console.numbers import numbers_in
+from fleet.model.state import RobotState
+from fleet.wire.topics import parse_data_key
+
+
+class _Watch(msgspec.Struct, frozen=True, eq=False):
+    """One watched robot: the bus by which it is heard, and what ends that."""
+
+    bus: Bus
+    end: Callable[[], None]
+
+
+class WatchedReports:
+    """The newest reports of watched robots. ``joined`` are the buses by edge, as they are joined."""
+
+    def __init__(self, view: FleetView, joined: Mapping[str, Bus]) -> None:
+        self._view = view
+        self._joined = joined
+        self._watched: dict[str, _Watch] = {}
+        self._lock = threading.Lock()
+        self._arrived: dict[tuple[str, str], bytes] = {}
+
+    def watch(self, robots: set[str]) -> None:
+        """Hear these robots from now on, and no others."""
+        for robot, watch in list(self._watched.items()):
+            if robot not in robots or watch.bus not in self._joined.values():
+                del self._watched[robot]
+                self._view.put("numbers", robot, {})
+                if watch.bus in self._joined.values():
+                    watch.end()
+        for robot in robots - self._watched.keys():
+            self._begin(robot, self._view.states.get(robot))
+
+    def _begin(self, robot: str, state: RobotState | None) -> None:
+        """Subscribe to a robot's reports, where an edge is joined that brings them."""
+        bus = self._joined.get(state.edge) or next(iter(self._joined.values()), None) if state else None
+        if state is None or bus is None or parse_data_key(f"cw/{state.twin}/data/position") is None:
+            return
+
+        def arrived(key: str, sample: bytes) -> None:
+            with self._lock:
+                self._arrived[robot, key] = sample
+
+        self._watched[robot] = _Watch(bus, bus.reports.subscribe(f"cw/{state.twin}/data/**", arrived))
+
+    def take(self) -> None:
+        """Take the numbers of what arrived into the view."""
+        with self._lock:
+            arrived, self._arrived = self._arrived, {}
+        found: dict[str, dict[str, float]] = {}
+        for (robot, key), sample in arrived.items():
+            if robot in self._watched:
+                found.setdefault(robot, {}).update(numbers_in(key, sample))
+        for robot, numbers in found.items():
+            self._view.put("numbers", robot, (self._view.get("numbers", robot) or {}) | numbers)

@@ -1,0 +1,64 @@
+"""Asking for control of a robot, and giving it."""
+
+import msgspec
+import pytest
+
+from fleet.console import control
+from fleet.console.fleet_view import FleetView
+from fleet.console.requests import ControlAsked, GiveAsked
+from fleet.console.sessions import Operator
+from fleet.errors import Refused
+from fleet.model.permission import Permission
+from fleet.model.state import RobotState
+
+ANNA, BEN = (Operator(name, Permission.OPERATE) for name in ("anna", "ben"))
+REX = "yard/rex"
+
+
+@pytest.fixture
+def view():
+    view = FleetView()
+    view.take_state(RobotState("rex", "t", "toy", "yard", 5.0, control="anna"), 1.0)
+    return view
+
+
+def ask(view, operator=BEN):
+    told = control.asked(ControlAsked("r", REX), view, operator, 5.0)
+    view.put("requests", REX, told)
+    return told
+
+
+def test_who_has_control_is_asked_and_gives_it_or_keeps_it(view):
+    assert ask(view) == {"request": "r", "by": "ben", "holder": "anna", "answer": "", "at": 5.0}
+    assert control.answered(GiveAsked("g", REX, give=True), view, ANNA)["answer"] == "given"
+    assert control.answered(GiveAsked("g", REX, give=False), view, ANNA)["answer"] == "kept"
+
+
+def test_nobody_else_answers_for_who_was_asked_and_nobody_twice(view):
+    with pytest.raises(Refused, match="nobody asks you"):
+        control.answered(GiveAsked("g", REX, give=True), view, ANNA)
+    ask(view)
+    with pytest.raises(Refused, match="nobody asks you"):
+        control.answered(GiveAsked("g", REX, give=True), view, BEN)
+    view.put("requests", REX, control.answered(GiveAsked("g", REX, give=False), view, ANNA))
+    with pytest.raises(Refused, match="nobody asks you"):
+        control.answered(GiveAsked("g", REX, give=True), view, ANNA)
+
+
+@pytest.mark.parametrize(
+    ("change", "operator", "told"),
+    [
+        ({"control": ""}, BEN, "nobody has control"),
+        ({}, ANNA, "you have control"),
+        ({"run": "3f2a", "control": ""}, BEN, "it is in run 3f2a"),
+    ],
+)
+def test_where_there_is_nobody_to_ask_it_is_said(view, change, operator, told):
+    view.take_state(msgspec.structs.replace(view.states[REX], **change), 2.0)
+    with pytest.raises(Refused, match=told):
+        ask(view, operator)
+
+
+def test_a_robot_that_there_is_not_is_said():
+    with pytest.raises(Refused, match="no robot yard/rex"):
+        control.asked(ControlAsked("r", REX), FleetView(), BEN, 5.0)

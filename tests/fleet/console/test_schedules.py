@@ -1,0 +1,54 @@
+"""Schedules from a page: shown, switched and started by the operator's name."""
+
+import msgspec
+import pytest
+
+from fleet.bus import keys
+from fleet.model.permission import Permission
+from fleet.model.schedule import ScheduleAnswer, ScheduleState
+
+DAWN = ScheduleState("dawn", "patrol", "every 3600 s", enabled=True, next=2e9)
+
+
+@pytest.fixture(scope="module")
+def asked(play_edge):
+    """Play the schedules of an edge; gives what it was asked."""
+    yard = play_edge("yard-1", robots={"rex": {}})
+    asked = []
+
+    def take(question):
+        wanted = msgspec.json.decode(question.payload)
+        answer = ScheduleAnswer((DAWN,))
+        if wanted.get("do", "list") != "list":
+            asked.append((wanted, question.suffix))
+            off = msgspec.structs.replace(DAWN, enabled=False)
+            answer = ScheduleAnswer((off,)) if wanted["name"] == "dawn" else ScheduleAnswer(refusal="no such")
+        question.reply(msgspec.json.encode(answer))
+        question.close()
+
+    yard.bus.control.answer(keys.schedules("yard-1"), take, more=keys.CONSOLE)
+    return asked
+
+
+def test_a_schedule_is_shown_and_switched_by_the_operators_name(console, asked):
+    with console.page(Permission.OPERATE) as page:
+        assert page.told("schedules", "yard-1/dawn")["trigger"] == "every 3600 s"
+        page.ask("schedule", request="r", edge="yard-1", name="dawn", do="disable")
+        assert page.answer("r")["status"] == "accepted"
+        page.told("schedules", "yard-1/dawn", lambda told: not told["enabled"])
+    assert asked[-1] == ({"do": "disable", "name": "dawn", "by": "anna"}, "/as/operate/_local")
+
+
+def test_what_the_edge_refuses_is_told(console, asked):
+    with console.page() as page:
+        page.told("edges", "yard-1", lambda edge: edge["alive"])
+        page.ask("schedule", request="r", edge="yard-1", name="dusk", do="run")
+        assert page.answer("r")["reason"] == "no such"
+
+
+def test_who_may_only_view_switches_none(console, asked):
+    before = len(asked)
+    with console.page(Permission.VIEW) as page:
+        page.ask("schedule", request="r", edge="yard-1", name="dawn", do="run")
+        assert "it needs the permission operate" in page.answer("r")["reason"]
+    assert len(asked) == before

@@ -1,0 +1,71 @@
+"""Reports are taken from the bus only for robots that a page shows."""
+
+import json
+
+import pytest
+
+from fleet.console.fleet_view import FleetView
+from fleet.console.watched_reports import WatchedReports
+from fleet.model.state import RobotState
+
+TWIN = "6f0c9a1e-8d2b-4c57-9a39-2f4a1d0b7c11"
+
+
+class PlayedBus:
+    """A bus that keeps its subscriptions."""
+
+    def __init__(self):
+        self.heard = {}
+        self.reports = self
+
+    def subscribe(self, key, call):
+        self.heard[key] = call
+        return lambda: self.heard.pop(key)
+
+    def report(self, channel, **message):
+        for call in list(self.heard.values()):
+            call(f"cw/{TWIN}/data/{channel}", json.dumps(message).encode())
+
+
+@pytest.fixture
+def watched():
+    view, bus = FleetView(), PlayedBus()
+    view.take_state(RobotState("rex", TWIN, "toy", "yard", 1.0), 1.0)
+    view.take_state(RobotState("odd", "**", "toy", "yard", 1.0), 1.0)
+    joined = {"yard": bus}
+    return WatchedReports(view, joined), view, bus, joined
+
+
+def test_a_watched_robots_numbers_are_shown_the_newest_of_each(watched):
+    reports, view, bus, _ = watched
+    assert bus.heard == {}
+    reports.watch({"yard/rex"})
+    bus.report("battery", percent=80)
+    bus.report("imu", gyro={"x": 0.1})
+    reports.take()
+    bus.report("battery", percent=79)
+    reports.take()
+    assert view.get("numbers", "yard/rex") == {"battery.percent": 79, "imu.gyro.x": 0.1}
+
+
+def test_a_robot_that_nobody_watches_any_more_is_not_heard(watched):
+    reports, view, bus, _ = watched
+    reports.watch({"yard/rex"})
+    reports.watch(set())
+    assert (bus.heard, view.get("numbers", "yard/rex")) == ({}, {})
+
+
+def test_a_robot_is_heard_again_by_the_bus_that_is_joined_anew(watched):
+    reports, view, _, joined = watched
+    reports.watch({"yard/rex"})
+    again = joined["yard"] = PlayedBus()
+    reports.watch({"yard/rex"})
+    again.report("battery", percent=50)
+    reports.take()
+    assert view.get("numbers", "yard/rex") == {"battery.percent": 50}
+
+
+def test_a_twin_that_is_no_identity_is_not_subscribed_to(watched):
+    reports, _, bus, _ = watched
+    reports.watch({"yard/odd", "yard/ghost"})
+    assert bus.heard == {}
