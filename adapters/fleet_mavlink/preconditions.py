@@ -6,7 +6,7 @@ import math
 
 from fleet import GeoPoint, NotReady, Unsupported
 from fleet_mavlink.authority import Authority
-from fleet_mavlink.vehicle import Vehicle
+from fleet_mavlink.vehicle import Vehicle, lacking_of
 from fleet_mavlink.vehicle import not_moved as not_moved_words
 
 
@@ -64,7 +64,7 @@ def not_moved(vehicle: Vehicle) -> Unsupported:
 
 def require_has(vehicle: Vehicle, name: str) -> None:
     """Raise Unsupported for what this vehicle does not have of the vocabulary."""
-    if reason := vehicle.lacking.get(name):
+    if reason := lacking_of(vehicle.state.heartbeat).get(name):
         raise Unsupported(reason)
 
 

@@ -48,7 +48,7 @@ from fleet_mavlink.steering import Steering
 from fleet_mavlink.streams import Streams
 from fleet_mavlink.takeoff import TakeOff
 from fleet_mavlink.texts import Sentence
-from fleet_mavlink.vehicle import Vehicle
+from fleet_mavlink.vehicle import Vehicle, lacking_of
 from fleet_mavlink.velocity_stream import PERIOD, VelocityStream
 
 GENTLE = "stop"  # the reason of a plain stop, which ends a burst of velocities
@@ -329,9 +329,10 @@ class VehicleSession:
         """Check whether somebody else changed the mode, and whether the vehicle is back."""
         vehicle = self.vehicle
         self._see_cause()
-        if vehicle.lacking != self._lacking:
-            self._lacking = vehicle.lacking
-            self._robot.lacks(self._lacking)
+        lacking = lacking_of(vehicle.state.heartbeat)
+        if lacking != self._lacking:
+            self._lacking = lacking
+            self._robot.lacks(lacking)
         if vehicle.flavour is not None:
             self.authority.observe(vehicle.state, vehicle.flavour, self._cause.text)
         self._robot.health(self._health())

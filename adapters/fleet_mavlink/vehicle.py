@@ -89,12 +89,6 @@ class Vehicle:
         return "not known yet" if beat is None else what_is(beat)
 
     @property
-    def lacking(self) -> Mapping[str, str]:
-        """What it does not have of the vocabulary, with the reason; nothing before its first heartbeat."""
-        beat = self.state.heartbeat
-        return {} if beat is None else lacking_of(beat)
-
-    @property
     def connected(self) -> bool:
         """True while heartbeats come."""
         return self.state.connected(self.now())
@@ -252,8 +246,10 @@ def not_moved(heartbeat: Heartbeat) -> str:
     return f"it is {what_is(heartbeat)}, which is not moved here: it is watched, and stopped"
 
 
-def lacking_of(heartbeat: Heartbeat) -> Mapping[str, str]:
-    """Return what a vehicle does not have of the vocabulary, by name, with the reason."""
+def lacking_of(heartbeat: Heartbeat | None) -> Mapping[str, str]:
+    """Return what a vehicle lacks of the vocabulary, with the reason; nothing before its first heartbeat."""
+    if heartbeat is None:
+        return {}
     flavour = flavour_of(heartbeat)
     return dict.fromkeys(OF_A_MOVED_VEHICLE, not_moved(heartbeat)) if flavour is None else flavour.lacking
 

@@ -84,7 +84,7 @@ def test_each_name_is_taken_or_refused_with_the_words_of_the_table(fly, sky, veh
             if vehicle_type is not None:
                 it.sim.pilot.vehicle_type = vehicle_type
             await it.until(lambda: it.robot.is_connected and it.state.home is not None)
-            lacking = it.adapter._session.vehicle.lacking
+            lacking = lacking_of(it.state.heartbeat)
             assert it.robot.lacking == lacking
             it.order.clear()
             refusal = await tried(it, name)
