@@ -26,27 +26,30 @@ SCRIPT = "<img src=x onerror=window.broken=1>"
 REX, BEAST = "yard-1/rex", "yard-1/beast"
 
 
+AT = Vector3(2.0, 1.0)
+ROBOTS = {
+    "rex": {
+        "health": "ok",
+        "reachable": True,
+        "simulated": True,
+        "site": AT,
+        "position": Vector3(),
+        "placement": Placement(AT),
+        "twin": "6f0c9a1e-8d2b-4c57-9a39-2f4a1d0b7c11",
+    },
+    "beast": {
+        "health": "fault",
+        "cause": f"{SCRIPT} the left wheel is stuck",
+        "site": Vector3(-3.0, 0.0),
+        "placement": Placement(),
+    },
+}
+
+
 @pytest.fixture(scope="module")
 def yard(play_edge):
     """Play an edge with two placed robots, one whose texts are scripts."""
-    at = Vector3(2.0, 1.0)
-    robots = {
-        "rex": {
-            "health": "ok",
-            "reachable": True,
-            "simulated": True,
-            "site": at,
-            "position": Vector3(),
-            "placement": Placement(at),
-            "twin": "6f0c9a1e-8d2b-4c57-9a39-2f4a1d0b7c11",
-        },
-        "beast": {
-            "health": "fault",
-            "cause": f"{SCRIPT} the left wheel is stuck",
-            "site": Vector3(-3.0, 0.0),
-            "placement": Placement(),
-        },
-    }
+    robots = {name: dict(fields) for name, fields in ROBOTS.items()}
     yard = play_edge("yard-1", robots=robots, groups={SCRIPT: ["rex"], "ground": ["rex", "beast"]})
     commands = (
         CommandDescription(
@@ -94,6 +97,15 @@ def open_page(browser, console, yard):
 
 def row(robot):
     return f'#robots li[data-id="{robot}"]'
+
+
+def becomes(yard, name, **fields):
+    """Tell a robot's state as it is at first, but for some fields; never newer than what the edge answers."""
+    told = {"twin": "", **ROBOTS[name], **fields}
+    yard.bus.control.put(
+        f"fleet/yard-1/robots/{name}/state",
+        msgspec.json.encode(RobotState(name, adapter="toy", edge="yard-1", stamp=1.0, **told)),
+    )
 
 
 def stops_of(yard, request_count):
@@ -445,9 +457,8 @@ def test_what_is_wrong_is_shown_by_cause_while_no_robot_is_selected(open_page, y
 
 def test_who_has_control_is_asked_for_it_and_gives_it_which_stops_the_robot(open_page, yard):
     asked = yard.answers("beast", Reply("stop", ReplyStatus.ACCEPTED, done=True))
-    driven = RobotState("beast", "", "toy", "yard-1", 2.0, health="ok", control="ben", reachable=True)
     anna, ben = open_page(), open_page(operator="ben")
-    yard.bus.control.put("fleet/yard-1/robots/beast/state", msgspec.json.encode(driven))
+    becomes(yard, "beast", control="ben")
     anna.click(row(BEAST))
     anna.click("button.ask-control")
     shows(anna, "#asks", "ben is asked for beast")
@@ -471,20 +482,20 @@ AudioContext.prototype.createOscillator = new Proxy(AudioContext.prototype.creat
 def test_a_fault_sounds_and_is_notified_only_where_that_is_wanted(open_page, yard):
     page = open_page(prepare=lambda page: page.add_init_script(NOTED))
 
-    def becomes(health, stamp):
-        state = RobotState("rex", "", "toy", "yard-1", stamp, health=health, cause=f"{health} {stamp:g}")
-        yard.bus.control.put("fleet/yard-1/robots/rex/state", msgspec.json.encode(state))
+    def is_shown(health):
+        becomes(yard, "rex", health=health, cause="its wheel is stuck")
         page.wait_for_selector(f"{row(REX)} .mark.{health}")
 
-    becomes("fault", 11.0)
-    becomes("degraded", 12.0)
+    is_shown("fault")
+    is_shown("degraded")
     assert page.evaluate("[noted, tones]") == [[], 0]
     page.click("#alerts")
-    becomes("fault", 13.0)
+    is_shown("fault")
     wait_until("it is notified", lambda: page.evaluate("noted"))
-    assert page.evaluate("noted") == [["rex: fault", "fault 13"]]
+    assert page.evaluate("noted") == [["rex: fault", "its wheel is stuck"]]
     assert page.evaluate("tones") >= 1
     assert page.get_attribute("#alerts", "aria-pressed") == "true"
+    is_shown("ok")
 
 
 @pytest.mark.parametrize("scheme", ["light", "dark"])
