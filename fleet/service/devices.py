@@ -8,11 +8,12 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 
 import msgspec
 
 from fleet.config.load import Loaded
+from fleet.config.text import texts_in
 
 _FILE = re.compile(r"^(?:[a-z0-9]+:)*(/dev/[^?\s]+)")
 _INTERFACE = re.compile(r"^can:socketcan:([A-Za-z0-9_.-]{1,15})(?:[?].*)?$")
@@ -51,7 +52,7 @@ def devices_of(loaded: Loaded) -> Devices:
         for robot, _ in loaded.robots
         if robot.worker not in loaded.config.remote_workers
     )
-    texts = [text for given in here for text in _texts(json.loads(given))]
+    texts = [text for given in here for text in texts_in(json.loads(given))]
     texts += [each.device for each in loaded.config.stop_inputs]
     return named_in(texts)
 
@@ -65,18 +66,6 @@ def named_in(texts: Iterable[str]) -> Devices:
         if found := _INTERFACE.match(text):
             interfaces.add(found[1])
     return Devices(tuple(sorted(files)), tuple(sorted(interfaces)))
-
-
-def _texts(value: object) -> Iterator[str]:
-    """Yield every text in the data of a robot."""
-    if isinstance(value, str):
-        yield value
-    elif isinstance(value, dict):
-        for each in value.values():
-            yield from _texts(each)
-    elif isinstance(value, list):
-        for each in value:
-            yield from _texts(each)
 
 
 def _classes(file: str) -> tuple[str, ...]:

@@ -41,6 +41,11 @@ def _rules_file(edge: str) -> Path:
     return Path("etc/udev/rules.d", f"90-fleet-{edge}.rules")
 
 
+def unit_file(edge: str, root: Path = Path("/")) -> Path:
+    """Return the file of an edge's unit, whether it is there or not."""
+    return root / "etc/systemd/system" / unit_name(edge)
+
+
 def install(spec: ServiceSpec, root: Path, run: Run | None, *, start: bool) -> list[Path]:
     """Write the files below ``root``; with ``run``, load and enable them, and ``start`` the edge.
 
@@ -62,7 +67,7 @@ def uninstall(edge: str, root: Path, run: Run | None) -> list[Path]:
 
     Returns the removed files. Raises ServiceError, also where no service of this edge is installed.
     """
-    unit, rules = root / "etc/systemd/system" / unit_name(edge), root / _rules_file(edge)
+    unit, rules = unit_file(edge, root), root / _rules_file(edge)
     if not unit.exists():
         raise ServiceError(f"there is no service of edge {edge}: {unit} does not exist")
     if run is not None:

@@ -59,6 +59,11 @@ class ServiceManager:
             self._next = now + self.every
             self._send("WATCHDOG=1")
 
+    def close(self) -> None:
+        """Say no more."""
+        if self._socket is not None:
+            self._socket.close()
+
     def _send(self, text: str) -> None:
         """Send lines, or drop them."""
         if self._socket is not None:

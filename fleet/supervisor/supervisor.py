@@ -155,6 +155,7 @@ class Supervisor:
                     if code is not None:
                         return code
             finally:
+                self._manager.close()
                 for peer in self._peers:
                     peer.sock.close()
                 for halts in (*(peer.halts for peer in self._peers), *(dead.halts for dead in self._dead)):
