@@ -15,7 +15,7 @@ bus:
   listen: [tls/0.0.0.0:7447]
   tls: {root_ca: certs/ca.pem, cert: certs/yard-1.pem, key: certs/yard-1.key}
 notify:
-  - {name: team, url: "https://hooks.example.com/T0KEN-OF-THE-HOOK"}
+  - {url: "https://hooks.example.com/T0KEN-OF-THE-HOOK"}
 robots: !include robots.yaml
 """
 ROBOTS = """\
