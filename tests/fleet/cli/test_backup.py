@@ -1,4 +1,4 @@
-"""``fleet backup`` and ``fleet restore``: one file, and what is left to a person."""
+"""``fleet backup``: one file that is restored elsewhere, and what is left to a person."""
 
 import pytest
 
@@ -27,16 +27,3 @@ def test_what_is_left_to_a_person_is_told_by_both(fleet, place, state, runtime):
     done = fleet("restore", "a.backup")
     assert "write secrets.yaml (mode 600) with: cyberwave_token" in done.err
     assert "fleet release" in done.err
-
-
-def test_nothing_is_restored_below_an_edge_that_runs(fleet, place, state, play_edge):
-    assert fleet("backup", "-o", "a.backup").code == 0
-    play_edge("yard-1")
-    done = fleet("restore", "a.backup")
-    assert (done.code, "edge yard-1 runs here: stop it first" in done.err) == (1, True)
-    assert not state.exists()
-
-
-def test_a_file_that_is_no_backup_is_refused(fleet, place, runtime):
-    done = fleet("restore", "fleet.yaml")
-    assert (done.code, "no whole backup" in done.err) == (1, True)
