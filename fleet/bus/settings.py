@@ -58,6 +58,10 @@ MEMORY = Path("/dev/shm")  # noqa: S108 - the owner of the directory is checked
 """In-memory file system of Linux, for the execution journal, which must not wait for a disk."""
 
 
+SERVICE_RUNTIME = Path("/run/fleet")
+"""Runtime directory of edges that systemd runs; its group may join them (``fleet service``)."""
+
+
 def runtime_dir(environ: Mapping[str, str] = os.environ) -> Path:
     """Return the directory of the edges' sockets, private to this user: access to them allows commands.
 
@@ -69,17 +73,35 @@ def runtime_dir(environ: Mapping[str, str] = os.environ) -> Path:
         found = path.lstat()
         if found.st_uid != os.getuid() or not stat.S_ISDIR(found.st_mode):
             raise BusError(f"{path} is not a directory of this user; set FLEET_RUNTIME_DIR to one that is")
-        path.chmod(0o700)
+        path.chmod(0o750 if path == SERVICE_RUNTIME else 0o700)
     except OSError as error:
         raise BusError(f"cannot make {path} for the bus's sockets: {error.strerror}") from None
     return path
+
+
+def client_dirs(environ: Mapping[str, str] = os.environ) -> list[Path]:
+    """Return the directories in which a program of this user finds edges: its own, and that of services.
+
+    Only FLEET_RUNTIME_DIR where it is set. Raises BusError like ``runtime_dir``.
+    """
+    own = runtime_dir(environ)
+    return (
+        [own]
+        if environ.get("FLEET_RUNTIME_DIR") or not _is_shared(SERVICE_RUNTIME)
+        else [own, SERVICE_RUNTIME]
+    )
+
+
+def _is_shared(path: Path) -> bool:
+    """Return True when edges of services can be found there by this user; systemd made the directory."""
+    return path.is_dir() and os.access(path, os.R_OK | os.X_OK)
 
 
 def runtime_dirs(environ: Mapping[str, str] = os.environ) -> list[Path]:
     """Return the existing directories that may hold sockets of edges which this user can stop.
 
     Only FLEET_RUNTIME_DIR where it is set. Else all directories of this user, whatever the environment in
-    which the edge was started; for root, those of all users.
+    which the edge was started, and that of services for their group; for root, those of all users.
     """
     if given := environ.get("FLEET_RUNTIME_DIR"):
         return [Path(given)]
@@ -88,7 +110,11 @@ def runtime_dirs(environ: Mapping[str, str] = os.environ) -> list[Path]:
     found = [_runtime_path(environ), *Path("/run/user").glob(f"{whose}/fleet")]
     for place in (MEMORY, Path(tempfile.gettempdir())):
         found += place.glob(f"fleet-{whose}")
-    return [path for path in dict.fromkeys(found) if _is_ours(path, user)]
+    ours = [path for path in dict.fromkeys(found) if _is_ours(path, user)]
+    return [
+        *ours,
+        *([SERVICE_RUNTIME] if SERVICE_RUNTIME not in ours and _is_shared(SERVICE_RUNTIME) else []),
+    ]
 
 
 def _is_ours(path: Path, user: int) -> bool:

@@ -16,6 +16,7 @@ from fleet.cli.options import log_options
 from fleet.cli.output import Output, with_output
 from fleet.clock import SystemClock
 from fleet.supervisor.notices import print_in_thread
+from fleet.supervisor.service_manager import ServiceManager
 from fleet.supervisor.sockets import socket_of
 from fleet.supervisor.supervisor import Supervisor
 
@@ -61,4 +62,5 @@ def _supervised(module: list[str], *, farewell: str = "") -> int:
         told=print_in_thread,
         clock=SystemClock(),
         farewell=[*python, farewell] if farewell else (),
+        manager=ServiceManager.of_this_process(),
     ).run()

@@ -12,7 +12,7 @@ import msgspec
 
 from fleet.bus import keys
 from fleet.bus.bus import join_control
-from fleet.bus.settings import BusSettings, running_edges, runtime_dir
+from fleet.bus.settings import BusSettings, client_dirs, running_edges
 from fleet.bus.zenoh_session import ZenohSession
 from fleet.config.text import nearest
 from fleet.errors import BusError, NotRunning, Refused, TimedOut
@@ -58,13 +58,14 @@ class Edges:
     @classmethod
     def reach(cls, file: str | None) -> Self:
         """Join them, all at once; raises NotRunning when there is none."""
-        directory = runtime_dir()
-        wanted = [settings_of(file)] if file else [BusSettings(edge) for edge in running_edges(directory)]
+        wanted = _wanted(file)
         if not wanted:
             raise NotRunning(f"no edge is running here; {START}")
         with ThreadPoolExecutor(len(wanted)) as pool:
-            joined = list(pool.map(lambda settings: _joined(settings, directory), wanted))
-        found = [(settings.edge, bus_session) for settings, bus_session in zip(wanted, joined, strict=True)]
+            joined = list(pool.map(lambda each: _joined(*each), wanted))
+        found = [
+            (settings.edge, bus_session) for (settings, _), bus_session in zip(wanted, joined, strict=True)
+        ]
         bus_sessions = {
             edge: bus_session for edge, bus_session in found if isinstance(bus_session, ZenohSession)
         }
@@ -111,7 +112,7 @@ class Edges:
 
     def are_all(self, file: str | None) -> bool:
         """Return whether the edges that run now are those that let us in (one of a file: always)."""
-        return file is not None or set(running_edges(runtime_dir())) == set(self.joined)
+        return file is not None or {settings.edge for settings, _ in _wanted(None)} == set(self.joined)
 
     def named(self, name: str) -> list[RobotState]:
         """Return the robot of this name, or the robots of this group; raises UnknownRobot.
@@ -263,6 +264,18 @@ def _members(group: str, states: list[RobotState], edges: list[EdgeState]) -> li
         for edge in edges
         for name in edge.groups.get(group, ())
     ]
+
+
+def _wanted(file: str | None) -> list[tuple[BusSettings, Path]]:
+    """Return how to reach the edge of a file, or every edge that runs here, and where its sockets are.
+
+    An edge that two directories show is reached in the first, that of this user.
+    """
+    running = {edge: path for path in reversed(client_dirs()) for edge in running_edges(path)}
+    if file is None:
+        return [(BusSettings(edge), running[edge]) for edge in sorted(running)]
+    settings = settings_of(file)
+    return [(settings, running.get(settings.edge) or client_dirs()[0])]
 
 
 def _joined(settings: BusSettings, directory: Path) -> ZenohSession | BusError:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import difflib
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 
 
 def printable(text: str) -> str:
@@ -22,3 +22,15 @@ def nearest(word: str, known: Iterable[str]) -> str:
     """Return ``did you mean 'x'?`` for the nearest known word, or nothing."""
     near = difflib.get_close_matches(word.lower(), sorted(known), n=1)
     return f"did you mean {near[0]!r}?" if near else ""
+
+
+def texts_in(value: object) -> Iterator[str]:
+    """Yield every text in the data of a file: what lists and mappings hold, keys left out."""
+    if isinstance(value, str):
+        yield value
+    elif isinstance(value, dict):
+        for each in value.values():
+            yield from texts_in(each)
+    elif isinstance(value, list):
+        for each in value:
+            yield from texts_in(each)

@@ -263,6 +263,14 @@ class _Reader:
         return self._secrets[name]
 
 
+def secret_names(path: pathlib.Path) -> list[str]:
+    """Return the names in a secrets file, without their values; none where it cannot be used."""
+    try:
+        return sorted(_secrets_of(path))
+    except (OSError, BadYaml):
+        return []
+
+
 def _secrets_of(path: pathlib.Path) -> Mapping[str, str]:
     """Return the secrets by name; raises OSError, or BadYaml when others can read them."""
     if path.exists() and not path.is_file():

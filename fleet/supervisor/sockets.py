@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import contextlib
 import functools
+import grp
 import os
 import pwd
 import socket
@@ -67,8 +69,14 @@ def user_of(sock: socket.socket) -> str:
 
 @functools.cache
 def users() -> dict[int, str]:
-    """Return the names of the users that can open the sockets, by id; the first call may block."""
+    """Return the names of the users that can open the sockets, by id; the first call may block.
+
+    They are root, this user, and for a service the members of its group.
+    """
     names = {0: "root"}
+    with contextlib.suppress(KeyError):
+        for member in grp.getgrgid(os.getegid()).gr_mem:
+            names[pwd.getpwnam(member).pw_uid] = member
     try:
         names[os.getuid()] = pwd.getpwuid(os.getuid()).pw_name
     except KeyError:  # a user without a name, as containers have

@@ -51,6 +51,8 @@ from fleet.supervisor.protocol import (
     UnregisterHalt,
     Welcome,
 )
+from fleet.supervisor.service_manager import ServiceManager
+from fleet.supervisor.signals import handled_signals
 from fleet.supervisor.sockets import VARIABLE, listening, user_of, users
 
 LOOK = 0.02  # s, longest time between two turns of the loop
@@ -60,7 +62,6 @@ ASLEEP = 1.0  # s without a turn after which this process counts as having been 
 ANSWER_WITHIN = 0.5  # s within which the edge must answer a stop
 STABLE_AFTER = 30.0  # s of uptime after which the next restart is quick again
 FIRST_WAIT, LONGEST_WAIT = 0.1, 5.0  # s before a restart
-PASSED_ON = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGTSTP)
 
 
 class _Peer:
@@ -107,8 +108,9 @@ class _Dead(msgspec.Struct):
 class Supervisor:
     """Runs ``command``, an edge, until it ends on request.
 
-    ``told`` takes lines for people; ``farewell`` is the command that sends the cloud the disconnect notice.
-    A worker that is started by hand has a supervisor of its own, in which "the edge" is that worker.
+    ``told`` takes lines for people; ``farewell`` is the command that sends the cloud the disconnect notice;
+    ``manager`` is the service manager that hears of readiness and life. A worker that is started by hand has
+    a supervisor of its own, in which "the edge" is that worker.
     """
 
     def __init__(
@@ -119,11 +121,13 @@ class Supervisor:
         told: Callable[[str], None],
         clock: Clock,
         farewell: Sequence[str] = (),
+        manager: ServiceManager | None = None,
     ) -> None:
         self._command = tuple(command)
         self._path = path
         self._told = told
         self._farewell = DisconnectNotice(farewell, told)
+        self._manager = manager or ServiceManager({}, 0)
         self._clock = clock
         self._selector = selectors.DefaultSelector()
         self._peers: list[_Peer] = []
@@ -144,13 +148,14 @@ class Supervisor:
 
     def run(self) -> int:
         """Run until the edge has ended for good; return its exit code. Raises OSError without a socket."""
-        with self._listening(), _signals(self._pass_on):
+        with self._listening(), handled_signals(self._pass_on):
             try:
                 while True:
                     code = self._turn()
                     if code is not None:
                         return code
             finally:
+                self._manager.close()
                 for peer in self._peers:
                     peer.sock.close()
                 for halts in (*(peer.halts for peer in self._peers), *(dead.halts for dead in self._dead)):
@@ -176,6 +181,7 @@ class Supervisor:
         self._look_at_edge(now)
         self._look_at_stops(now)
         self._looked = now
+        self._manager.alive(now)
         return self._look_at_child(now)
 
     # -- the edge's process --------------------------------------------------------------------------
@@ -200,7 +206,8 @@ class Supervisor:
         if now - self._started > STABLE_AFTER:
             self._waits = backoff(first=FIRST_WAIT, longest=LONGEST_WAIT)
         self._child, self._start_at = None, now + next(self._waits)
-        self._told(f"the edge ended ({reason_of(code)}); it is started again")
+        self._told(ended := f"the edge ended ({reason_of(code)}); it is started again")
+        self._manager.away(ended)
         return None
 
     def _start(self, now: float) -> None:
@@ -222,6 +229,7 @@ class Supervisor:
         """Forward a signal to the edge, or note it while no edge is running."""
         if number != signal.SIGTSTP:
             self._ending = True
+            self._manager.ending()
         if self._child is not None:
             with contextlib.suppress(ProcessLookupError):
                 self._child.send_signal(number)
@@ -292,8 +300,9 @@ class Supervisor:
             case UnregisterHalt():
                 peer.halts.drop(message.robot)
                 peer.send(HaltUnregistered(message.number))
-            case EdgeRunning():
-                self._ran |= peer.is_edge
+            case EdgeRunning() if peer.is_edge:
+                self._ran = True
+                self._manager.ready()
             case OrderlyEnd():
                 self._ending |= peer.is_edge
                 self._in_order |= peer.is_edge
@@ -303,7 +312,7 @@ class Supervisor:
                 self._stop(peer, message)
             case StopAnswer():
                 self._stopped(peer, message)
-            case ProcessHeartbeat():
+            case ProcessHeartbeat() | EdgeRunning():
                 pass
             case _:
                 self._told(f"{peer.name} sent its supervisor a {type(message).__name__}")
@@ -384,15 +393,3 @@ class Supervisor:
 def _has_robots(peer: _Peer) -> bool:
     """Return True for a process with robots, False for a process that only sends a stop."""
     return peer.edge != ""
-
-
-@contextlib.contextmanager
-def _signals(take: Callable[[int], None]) -> Iterator[None]:
-    """Handle the signals in ``PASSED_ON``; an ignored one (SIGHUP under nohup) stays ignored."""
-    taken = [each for each in PASSED_ON if signal.getsignal(each) is not signal.SIG_IGN]
-    before = {each: signal.signal(each, lambda number, _: take(number)) for each in taken}
-    try:
-        yield
-    finally:
-        for each, handler in before.items():
-            signal.signal(each, handler)

@@ -39,7 +39,7 @@ LONGEST = 1 << 22
 REMEMBERED = 3600.0  # s that a command is kept; older ones are refused by their age
 LOST = "the journal could not be read or written, so nobody knows whether a stop was set"
 
-_FORMATS = (
+FORMATS = (
     """
 CREATE TABLE begun (
     robot TEXT, identity TEXT, name TEXT, action INTEGER, stamp REAL, outcome TEXT,
@@ -216,7 +216,7 @@ class Journal:
         try:
             made(folder)
             with locked(path):
-                database, aside = open_checked(path, _FORMATS, "FULL")
+                database, aside = open_checked(path, FORMATS, "FULL")
                 if aside is not None:
                     database.execute(_LATCH, (ANY, LOST))
                 for step in _PROBE:

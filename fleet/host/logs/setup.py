@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import logging
 import os
 import sys
@@ -13,8 +14,10 @@ import msgspec
 from fleet.host.logs.flood_filter import FloodFilter
 from fleet.host.logs.line_format import Format, JsonFormatter, formatter_of
 from fleet.host.logs.rotating_file import RotatingLogFile
+from fleet.host.logs.systemd_journal import STREAM, JournalHandler, is_journal
 
 FORM, FILE = "FLEET_LOG_FORMAT", "FLEET_LOG_FILE"
+TOLD = (FORM, FILE, STREAM)
 """Variables of the environment by which workers hear how to log."""
 
 
@@ -62,9 +65,20 @@ class LogSettings(msgspec.Struct, frozen=True):
         return cls(logging.INFO, "json" if environ.get(FORM) == "json" else "text", own)
 
 
+def _stderr(level: int) -> logging.Handler:
+    """Return what writes the log for people: to stderr, or to the journal that systemd has put there."""
+    with contextlib.suppress(OSError, ValueError):  # a stderr without a descriptor is no journal
+        if is_journal(sys.stderr.fileno()):
+            return JournalHandler(min(level, logging.INFO), "fleet")
+    return _ToStderr(level)
+
+
 def start_logging(wanted: LogSettings, kept: Path | None = None) -> Callable[[], None]:
-    """Log to stderr, to the file that is wanted, and to ``kept`` for ``fleet logs``; return what ends it."""
-    stderr = _ToStderr(wanted.level)
+    """Log to stderr, to the file that is wanted, and to ``kept`` for ``fleet logs``; return what ends it.
+
+    Where stderr goes to the journal of systemd, lines are sent there with their fields instead.
+    """
+    stderr = _stderr(wanted.level)
     stderr.setFormatter(formatter_of(wanted.form))
     files = [RotatingLogFile(wanted.file, formatter_of(wanted.form))] if wanted.file else []
     files += [RotatingLogFile(kept, JsonFormatter())] if kept else []

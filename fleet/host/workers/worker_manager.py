@@ -19,7 +19,7 @@ from pathlib import Path
 from fleet.bus import keys
 from fleet.bus.zenoh_session import ZenohSession
 from fleet.clock import Clock
-from fleet.host.logs.setup import FILE, FORM
+from fleet.host.logs.setup import TOLD
 from fleet.host.workers.reload import RELOADED
 from fleet.link.backoff import backoff
 from fleet.plugins.probe import bare_environment
@@ -172,7 +172,7 @@ class WorkerManager:
 def _environment() -> dict[str, str]:
     """Return what a worker gets of our environment: its supervisor, its log, and nothing that is a secret."""
     given = bare_environment()
-    given |= {name: os.environ[name] for name in (VARIABLE, FORM, FILE) if name in os.environ}
+    given |= {name: os.environ[name] for name in (VARIABLE, *TOLD) if name in os.environ}
     return given
 
 

@@ -7,9 +7,11 @@ import pytest
 
 from fleet.bus.settings import (
     BusSettings,
+    client_dirs,
     is_running,
     running_edges,
     runtime_dir,
+    runtime_dirs,
     socket_path,
     users_file,
     zenoh_settings,
@@ -113,3 +115,35 @@ def test_a_password_that_zenoh_would_misread_is_refused(directory, user, passwor
         users_file(BusSettings("yard", user=user, password=password), directory)
     assert "\n" not in str(error.value)
     assert list(directory.iterdir()) == []
+
+
+@pytest.fixture
+def of_services(tmp_path, monkeypatch):
+    """Make the runtime directory of services, as systemd makes it."""
+    path = tmp_path / "run-fleet"
+    path.mkdir(mode=0o750)
+    monkeypatch.setattr("fleet.bus.settings.SERVICE_RUNTIME", path)
+    return path
+
+
+def test_the_directory_of_services_stays_open_for_their_group_and_closed_for_others(of_services):
+    of_services.chmod(0o777)
+    assert runtime_dir({"FLEET_RUNTIME_DIR": str(of_services)}) == of_services
+    assert stat.S_IMODE(of_services.stat().st_mode) == 0o750
+
+
+def test_programs_find_the_edges_of_services_beside_those_of_their_user(of_services, tmp_path):
+    mine = {"XDG_RUNTIME_DIR": str(tmp_path)}
+    assert client_dirs(mine) == [tmp_path / "fleet", of_services]
+    assert of_services in runtime_dirs(mine)
+    given = {"FLEET_RUNTIME_DIR": str(tmp_path / "only")}
+    assert client_dirs(given) == [tmp_path / "only"]
+    assert runtime_dirs(given) == [tmp_path / "only"]
+
+
+def test_who_is_not_in_the_group_of_services_finds_none_of_their_edges(of_services, tmp_path, monkeypatch):
+    monkeypatch.setattr(os, "access", lambda path, _: path != of_services)
+    mine = {"XDG_RUNTIME_DIR": str(tmp_path)}
+    assert client_dirs(mine) == [tmp_path / "fleet"]
+    monkeypatch.setattr(os, "getuid", lambda: of_services.stat().st_uid + 1)
+    assert of_services not in runtime_dirs({})

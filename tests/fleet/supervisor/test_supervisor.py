@@ -16,10 +16,11 @@ from fleet.clock import SystemClock
 from fleet.supervisor import protocol
 from fleet.supervisor.client import SupervisorClient
 from fleet.supervisor.protocol import RegisterHalt, StopAnswer, StopRequest, Welcome
+from fleet.supervisor.service_manager import ServiceManager
 from fleet.supervisor.sockets import connected, socket_of
 from fleet.supervisor.stop_request import stop_all
 from fleet.supervisor.supervisor import Supervisor
-from fleet.testing.waiting import wait_until
+from fleet.testing.waiting import DEADLINE, wait_until
 
 ENDS_WHEN_TOLD = """
 import socket, sys
@@ -58,7 +59,7 @@ class Field:
 @pytest.fixture
 def field(monkeypatch):
     # Only a main thread may take signals; nobody sends this one any.
-    monkeypatch.setattr("fleet.supervisor.supervisor._signals", lambda _: contextlib.nullcontext())
+    monkeypatch.setattr("fleet.supervisor.supervisor.handled_signals", lambda _: contextlib.nullcontext())
     with tempfile.TemporaryDirectory() as folder:  # short: the path of a socket must be
         field = Field(Path(folder))
         yield field
@@ -222,3 +223,17 @@ def test_an_edge_whose_child_keeps_the_connection_open_is_dead_all_the_same(fiel
         assert robot.recv(100).startswith(b"halt")
     kept.close()
     robot.close()
+
+
+def test_systemd_hears_that_the_edge_is_ready_when_it_serves_its_robots_and_not_before(field):
+    with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as systemd:
+        systemd.bind(str(field.folder / "notify"))
+        systemd.settimeout(DEADLINE)
+        variables = {"NOTIFY_SOCKET": str(field.folder / "notify"), "WATCHDOG_USEC": "30000000"}
+        field.supervisor._manager = ServiceManager(variables, 1)
+        assert systemd.recv(100) == b"WATCHDOG=1"
+        with contextlib.closing(connected(field.path, within=5.0)) as edge:
+            pid = field.supervisor._child.pid
+            edge.send(protocol.encode(protocol.Hello("yard", process=pid)))
+            edge.send(protocol.encode(protocol.EdgeRunning()))
+            assert systemd.recv(100).startswith(b"READY=1\n")

@@ -1,0 +1,66 @@
+"""``fleet doctor``: looks at everything around an edge, and says what to do."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import click
+
+from fleet.cli.output import ExitCode, Output, counted, with_output
+from fleet.doctor.examination import CONFIG, examine
+from fleet.doctor.finding import Finding, Verdict
+
+
+@click.command()
+@click.argument("file", default="fleet.yaml", type=click.Path(path_type=Path))
+@click.option(
+    "--plugins", is_flag=True, help="Also check the robots, which imports adapters and drop-in files."
+)
+@with_output
+def doctor(out: Output, file: Path, *, plugins: bool) -> ExitCode:
+    """Look at everything around the edge of FILE, and say what to do.
+
+    Clock, disk, permissions, devices, CAN, ports, broker, certificates, state, versions and other edges. It
+    changes nothing, opens no device and sends robots nothing, so that it can run beside the edge. With an
+    installed service, permissions are judged for its user; what only root can see needs sudo.
+
+    Exit code 0 when nothing is wrong (warnings count as nothing), 1 for an error, 3 when the fleet file is
+    invalid.
+    """
+    findings = examine(file, os.environ, plugins=plugins)
+    code = code_of(findings)
+    out.data({"ok": code is ExitCode.OK, "findings": [_for_programs(each) for each in findings]})
+    for each in findings:
+        out.say(f"{each.verdict.value:<8} {each.check}: {each.found}")
+        if each.cure:
+            out.say(f"{'':<8}   {each.cure}")
+    out.note(_summary(findings))
+    return code
+
+
+def code_of(findings: list[Finding]) -> ExitCode:
+    """Return the exit code for some findings."""
+    wrong = [each.check for each in findings if each.verdict is Verdict.ERROR]
+    if CONFIG in wrong:
+        return ExitCode.CONFIG_INVALID
+    return ExitCode.RUNTIME_ERROR if wrong else ExitCode.OK
+
+
+def _for_programs(finding: Finding) -> dict[str, str]:
+    """Return a finding with all its fields."""
+    return {
+        "check": finding.check,
+        "verdict": finding.verdict.value,
+        "found": finding.found,
+        "cure": finding.cure,
+    }
+
+
+def _summary(findings: list[Finding]) -> str:
+    """Return in one line how many findings there are of which verdict."""
+    numbers = {verdict: sum(each.verdict is verdict for each in findings) for verdict in Verdict}
+    return (
+        f"{counted(numbers[Verdict.ERROR], 'error')}, {counted(numbers[Verdict.WARNING], 'warning')}, "
+        f"{numbers[Verdict.UNKNOWN]} unknown, {numbers[Verdict.OK]} ok"
+    )

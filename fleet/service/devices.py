@@ -1,0 +1,99 @@
+"""The devices that a fleet file names, and what allows a service to open them; pure.
+
+A USB device gets another number each time that it is plugged in, so the unit allows its class, and the udev
+rule gives this one device to the group of the service. Both together allow the named devices alone.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Iterable
+
+import msgspec
+
+from fleet.config.load import Loaded
+from fleet.config.text import texts_in
+
+_FILE = re.compile(r"^(?:[a-z0-9]+:)*(/dev/[^?\s]+)")
+_INTERFACE = re.compile(r"^can:socketcan:([A-Za-z0-9_.-]{1,15})(?:[?].*)?$")
+_UNSAFE = re.compile(r'["\\\n*?\[\]|]')  # what ends, escapes or widens a value of a udev rule
+_USB_SERIAL = ("char-ttyUSB", "char-ttyACM")
+_CLASSES = (
+    ("/dev/ttyUSB", ("char-ttyUSB",)),
+    ("/dev/ttyACM", ("char-ttyACM",)),
+    ("/dev/ttyAMA", ("char-ttyAMA",)),
+    ("/dev/ttyTHS", ("char-ttyTHS",)),
+    ("/dev/ttyS", ("char-ttyS",)),
+    ("/dev/gpiochip", ("char-gpiochip",)),
+    ("/dev/hidraw", ("char-hidraw",)),
+    ("/dev/video", ("char-video4linux",)),
+    ("/dev/v4l/", ("char-video4linux",)),
+)
+"""Names of devices, and the groups of /proc/devices that they belong to; any other name is a USB line's."""
+
+
+class Devices(msgspec.Struct, frozen=True):
+    """What robots and stop inputs of one computer open: ``files`` in /dev, and SocketCAN ``interfaces``."""
+
+    files: tuple[str, ...] = ()
+    interfaces: tuple[str, ...] = ()
+
+    @property
+    def classes(self) -> tuple[str, ...]:
+        """The classes of devices that the unit allows, as DeviceAllow= takes them."""
+        return tuple(sorted({each for file in self.files for each in _classes(file)}))
+
+
+def devices_of(loaded: Loaded) -> Devices:
+    """Return the devices that this computer opens; those of workers on other computers are not among them."""
+    here = (
+        loaded.given[robot.name]
+        for robot, _ in loaded.robots
+        if robot.worker not in loaded.config.remote_workers
+    )
+    texts = [text for given in here for text in texts_in(json.loads(given))]
+    texts += [each.device for each in loaded.config.stop_inputs]
+    return named_in(texts)
+
+
+def named_in(texts: Iterable[str]) -> Devices:
+    """Return the devices that links and other texts of fleet.yaml name."""
+    files, interfaces = set(), set()
+    for text in texts:
+        if found := _FILE.match(text):
+            files.add(found[1])
+        if found := _INTERFACE.match(text):
+            interfaces.add(found[1])
+    return Devices(tuple(sorted(files)), tuple(sorted(interfaces)))
+
+
+def _classes(file: str) -> tuple[str, ...]:
+    """Return the classes that a device may belong to."""
+    return next((classes for start, classes in _CLASSES if file.startswith(start)), _USB_SERIAL)
+
+
+def unsafe_names(devices: Devices) -> list[str]:
+    """Return the names of devices that cannot stand in a udev rule."""
+    return [file for file in devices.files if _UNSAFE.search(file)]
+
+
+def udev_rules(devices: Devices, group: str) -> str:
+    """Return the rules that give the devices, and no others, to a group; empty when there are none.
+
+    A name is matched as the kernel's own and as a link that an earlier rule made (/dev/serial/by-id). The
+    queue of a CAN interface is kept short: frames that wait in it while motor power is off are sent
+    when power returns.
+    """
+    give = f'GROUP="{group}", MODE="0660"'
+    lines = []
+    for file in devices.files:
+        name = file.removeprefix("/dev/")
+        lines.append(f'SYMLINK=="{name}", {give}')
+        if "/" not in name:
+            lines.append(f'KERNEL=="{name}", {give}')
+    lines += [
+        f'SUBSYSTEM=="net", ACTION=="add", KERNEL=="{interface}", ATTR{{tx_queue_len}}="16"'
+        for interface in devices.interfaces
+    ]
+    return "".join(f"{line}\n" for line in lines)

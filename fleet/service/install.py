@@ -1,0 +1,144 @@
+"""Writes the files of an edge's service, and has systemd and udev read them.
+
+The files are written below a root folder; for the root of the running system, the programs of ``STEPS`` are
+run as well. ``run`` runs one program and raises ServiceError, so that the order is tested without systemd.
+"""
+
+from __future__ import annotations
+
+import os
+import subprocess
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+
+from fleet.errors import FleetError
+from fleet.service.devices import udev_rules
+from fleet.service.unit import GROUP, ServiceSpec, sysusers_text, unit_name, unit_text
+
+Run = Callable[[Sequence[str]], str]
+_HEAD = "# Written by fleet service install\n"
+_WITHIN = 120.0  # s for one program
+
+
+class ServiceError(FleetError):
+    """The service cannot be installed, asked or removed."""
+
+
+def files_of(spec: ServiceSpec) -> dict[Path, str]:
+    """Return the files of a service, relative to the root folder, with their text."""
+    files = {
+        Path("etc/systemd/system", spec.unit): unit_text(spec),
+        Path("etc/sysusers.d/fleet.conf"): _HEAD + sysusers_text(),
+    }
+    rules = udev_rules(spec.devices, GROUP)
+    if rules:
+        files[_rules_file(spec.edge)] = _HEAD + rules
+    return files
+
+
+def _rules_file(edge: str) -> Path:
+    """Return where the udev rules are; the number puts them after those that make names."""
+    return Path("etc/udev/rules.d", f"90-fleet-{edge}.rules")
+
+
+def unit_file(edge: str, root: Path = Path("/")) -> Path:
+    """Return the file of an edge's unit, whether it is there or not."""
+    return root / "etc/systemd/system" / unit_name(edge)
+
+
+def install(spec: ServiceSpec, root: Path, run: Run | None, *, start: bool) -> list[Path]:
+    """Write the files below ``root``; with ``run``, load and enable them, and ``start`` the edge.
+
+    Returns the files. An edge that runs is not touched: it has the new unit at its next start. Raises
+    ServiceError.
+    """
+    files = files_of(spec)
+    for path, text in files.items():
+        write_whole(root / path, text)
+    if run is not None:
+        run(["systemd-sysusers"])
+        _reload(run, devices=bool(udev_rules(spec.devices, GROUP)))
+        run(["systemctl", "enable", *(["--now"] if start else []), spec.unit])
+    return [root / path for path in files]
+
+
+def uninstall(edge: str, root: Path, run: Run | None) -> list[Path]:
+    """Stop the service, forget it and remove its files; state, fleet file and user stay.
+
+    Returns the removed files. Raises ServiceError, also where no service of this edge is installed.
+    """
+    unit, rules = unit_file(edge, root), root / _rules_file(edge)
+    if not unit.exists():
+        raise ServiceError(f"there is no service of edge {edge}: {unit} does not exist")
+    if run is not None:
+        run(["systemctl", "disable", "--now", unit.name])
+    removed = [path for path in (unit, rules) if path.exists()]
+    for path in removed:
+        path.unlink()
+    if run is not None:
+        _reload(run, devices=rules in removed)
+    return removed
+
+
+def _reload(run: Run, *, devices: bool) -> None:
+    """Have systemd read its units anew, and udev its rules, also for devices that are plugged in."""
+    run(["systemctl", "daemon-reload"])
+    if devices:
+        run(["udevadm", "control", "--reload"])
+        run(["udevadm", "trigger", "--action=change", "--subsystem-match=tty", "--subsystem-match=gpio"])
+        run(["udevadm", "trigger", "--action=change", "--subsystem-match=hidraw"])
+        run(["udevadm", "trigger", "--action=change", "--subsystem-match=video4linux"])
+
+
+def write_whole(path: Path, text: str) -> None:
+    """Write a file that is the old or the new one at any time; raises ServiceError."""
+    fresh = path.with_name(f".{path.name}.new")
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        fresh.write_text(text, encoding="utf-8")
+        fresh.chmod(0o644)
+        fresh.replace(path)
+    except OSError as error:
+        raise ServiceError(f"cannot write {path}: {error.strerror}; run it as root (sudo)") from None
+
+
+def run_program(command: Sequence[str]) -> str:
+    """Run a program of the system; return what it said. Raises ServiceError with its own words."""
+    try:
+        told = subprocess.run(  # noqa: S603 - systemd's own programs, with arguments of ours
+            command, capture_output=True, text=True, check=False, timeout=_WITHIN, stdin=subprocess.DEVNULL
+        )
+    except FileNotFoundError:
+        raise ServiceError(f"this computer has no {command[0]}: a service needs systemd") from None
+    except (OSError, subprocess.TimeoutExpired) as error:
+        raise ServiceError(f"{' '.join(command)}: {error}") from None
+    if told.returncode != 0:
+        words = told.stderr.strip().splitlines() or [f"exit code {told.returncode}"]
+        raise ServiceError(f"{' '.join(command)}: {words[-1]}")
+    return told.stdout
+
+
+def is_root() -> bool:
+    """Return True for the user who may install services."""
+    return os.geteuid() == 0
+
+
+def status_of(edge: str, run: Run) -> Mapping[str, str]:
+    """Return what systemd says of the service of an edge, by property; raises ServiceError."""
+    told = run(["systemctl", "show", f"--property={','.join(PROPERTIES)}", unit_name(edge)])
+    pairs = (line.partition("=") for line in told.splitlines())
+    return {name: value for name, _, value in pairs if name in PROPERTIES}
+
+
+PROPERTIES = (
+    "LoadState",
+    "ActiveState",
+    "SubState",
+    "UnitFileState",
+    "StatusText",
+    "MainPID",
+    "NRestarts",
+    "Result",
+    "ActiveEnterTimestamp",
+)
+"""What ``fleet service status`` asks of systemd."""

@@ -1,0 +1,85 @@
+"""``fleet service``: what it prints, writes below a root, and refuses."""
+
+import sys
+from pathlib import Path
+
+import pytest
+
+import fleet.cli.service as command
+
+TEXT = """\
+edge: {id: yard-1}
+robots:
+  - name: kestrel
+    twin: 6f0c9a1e-8d2b-4c57-9a39-2f4a1d0b7c11
+    adapter: mavlink
+    link: serial:/dev/ttyS0?baud=57600
+    system_id: 1
+"""
+
+
+@pytest.fixture
+def installable(place, monkeypatch):
+    """Write a fleet file whose interpreter and folder a service would see."""
+    (place / "fleet.yaml").write_text(TEXT)
+    monkeypatch.setattr("fleet.service.unit.HIDDEN", ())
+    monkeypatch.setattr(sys, "executable", "/opt/fleet/bin/python")
+    return place
+
+
+def test_the_files_are_printed_and_none_is_written(fleet, installable):
+    result = fleet("service", "install", "--print", "--json")
+    assert result.code == 0
+    assert set(result.json["files"]) == {
+        "/etc/systemd/system/fleet-yard-1.service",
+        "/etc/sysusers.d/fleet.conf",
+        "/etc/udev/rules.d/90-fleet-yard-1.rules",
+    }
+
+
+def test_an_image_gets_the_files_below_its_root(fleet, installable):
+    result = fleet("service", "install", "--root", "image")
+    assert result.code == 0, result.err
+    unit = installable / "image/etc/systemd/system/fleet-yard-1.service"
+    assert f"ExecStart=/opt/fleet/bin/python -P -m fleet run -- {installable}/fleet.yaml" in unit.read_text()
+    assert fleet("service", "uninstall", "--root", "image").code == 0
+    assert not unit.exists()
+
+
+def test_who_is_not_root_is_told_so(fleet, installable, monkeypatch):
+    monkeypatch.setattr(command, "is_root", lambda: False)
+    result = fleet("service", "install")
+    assert (result.code, "sudo fleet service install" in result.err) == (1, True)
+
+
+def test_a_fleet_file_in_a_home_is_refused(fleet, installable, monkeypatch):
+    monkeypatch.setattr("fleet.service.unit.HIDDEN", (Path(installable),))
+    result = fleet("service", "install", "--root", "image")
+    assert (result.code, "keep the fleet file in /etc/fleet" in result.err) == (3, True)
+
+
+@pytest.mark.parametrize(
+    ("state", "code"), [("active", 0), ("activating", 4), ("failed", 4), ("inactive", 4)]
+)
+def test_the_status_has_an_exit_code_for_a_service_that_does_not_run(
+    fleet, installable, monkeypatch, state, code
+):
+    told = f"LoadState=loaded\nActiveState={state}\nStatusText=the edge is running\n"
+    monkeypatch.setattr(command, "run_program", lambda _: told)
+    result = fleet("service", "status")
+    assert (result.code, "the edge is running" in result.out) == (code, True)
+
+
+def test_a_service_that_is_not_installed_is_told_with_the_command(fleet, installable, monkeypatch):
+    monkeypatch.setattr(command, "run_program", lambda _: "LoadState=not-found\n")
+    result = fleet("service", "status")
+    assert (result.code, "fleet service install" in result.err) == (4, True)
+
+
+def test_the_log_is_the_journal_of_the_unit(fleet, installable, monkeypatch):
+    ran = []
+    monkeypatch.setattr(command.shutil, "which", lambda _: "/usr/bin/journalctl")
+    monkeypatch.setattr(command.os, "execv", lambda program, words: ran.append((program, words)))
+    fleet("service", "logs", "-f", "-n", "5", "--robot", "kestrel")
+    words = ["--unit=fleet-yard-1.service", "--lines=5", "--no-pager", "--follow", "FLEET_ROBOT=kestrel"]
+    assert ran == [("/usr/bin/journalctl", ["/usr/bin/journalctl", *words])]
