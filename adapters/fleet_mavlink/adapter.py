@@ -240,6 +240,7 @@ class MavlinkAdapter(PayloadCommands, UpkeepCommands):
     @command("set_failsafes", moves=False, timeout=60.0)
     async def set_failsafes(self) -> None:
         """Write the fail-safe parameters that fleet.yaml asks for; refused while the motors run."""
+        require_has(self._session.vehicle, "set_failsafes")
         await self._session.failsafes.set()
 
     @command("set_home_location", moves=False)

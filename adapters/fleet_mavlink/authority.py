@@ -24,6 +24,7 @@ class Authority:
         self._expected: frozenset[str] = frozenset()
         self._earlier: frozenset[str] = frozenset()  # asked for before, and not seen yet: they may come first
         self._mode = ""
+        self._armed = False
 
     @property
     def taker(self) -> str:
@@ -60,6 +61,9 @@ class Authority:
         """Handle a new heartbeat, before its waiters run; ``alarm``: text of a fail-safe."""
         mode = flavour.mode_of(state)
         before, self._mode = self._mode, mode
+        was_armed, self._armed = self._armed, state.armed
+        if flavour.surface and not was_armed:
+            before = ""  # whoever arms a rover in MANUAL drives it
         if mode in self._expected:
             self._earlier = frozenset()
         if not state.armed:

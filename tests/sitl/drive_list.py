@@ -137,6 +137,22 @@ async def turns_to_the_left(it, _other):
     await stands(it)
 
 
+async def turns_where_it_stands_or_says_why_not(it, _other):
+    """Ask for a turn and no speed: what is steered by its drives turns, what has steered wheels refuses."""
+    await it.until(lambda: vehicle(it).turns_in_place is not None, LONG)
+    turn = Velocity(Vector3(), 0.5)
+    if not vehicle(it).turns_in_place:
+        with pytest.raises(Unsupported, match="turns only while it drives"):
+            it.adapter.drive(turn)
+        return
+    start, before = it.state.position, nose(it)
+    await it.drive(turn, 4.0)
+    assert math.remainder(nose(it) - before, math.tau) < -0.8
+    assert away(it, start) < 1.0
+    await it.adapter.stop("hover")
+    await stands(it)
+
+
 async def brakes_by_itself_when_nobody_drives_it(it, _other):
     """Fall silent after a velocity, as a process that is stuck does."""
     await it.drive(AHEAD, 3.0)
@@ -246,6 +262,7 @@ STEPS = (
     is_driven_ahead_and_stopped,
     is_driven_backwards,
     turns_to_the_left,
+    turns_where_it_stands_or_says_why_not,
     brakes_by_itself_when_nobody_drives_it,
     goes_to_places,
     goes_back_by_a_distance,

@@ -5,6 +5,7 @@ import math
 
 import msgspec
 import pytest
+from pymavlink.dialects.v20 import all as mav
 
 from fleet import (
     FlyMission,
@@ -337,6 +338,24 @@ def test_a_pilot_takes_it_and_a_stop_that_takes_over_takes_it_back(fly, sky):
     driven(fly, sky, drive)
 
 
+def test_who_arms_it_in_manual_has_it_and_keeps_it_when_the_edge_ends(fly, sky):
+    async def main():
+        async with sky("ardupilot", vehicle="rover") as it:
+            await it.met()
+            it.hears(mav.MAVLink_command_long_message(1, 1, 400, 0, 1, 0, 0, 0, 0, 0, 0))
+            await it.until(lambda: it.state.armed)
+            assert it.mode == "MANUAL"
+            with pytest.raises(NotReady, match="a pilot or a fail-safe has it, in MANUAL"):
+                it.adapter.drive(ahead())
+            await it.adapter.stop("the edge ends")
+            it.adapter.halt()
+            assert it.mode == "MANUAL"
+            await it.adapter.stop("hover")
+            assert it.mode == "HOLD"
+
+    fly(main())
+
+
 def test_the_host_is_told_what_it_lacks(fly, sky):
     async def drive(it):
         assert it.robot.lacking == ArduRover.lacking
@@ -422,6 +441,7 @@ def test_one_that_is_steered_by_its_drives_turns_where_it_stands(fly, sky):
     async def drive(it):
         it.sim.body.skid = True
         await it.do("set_parameter", name="SERVO1_FUNCTION", value=73, force=True)
+        await it.until(lambda: it.now > 15.0)  # its own clock must have something to fall back by
         it.sim.set_fault("reboot", 1.0)
         await it.until(lambda: it.adapter._session.vehicle.turns_in_place is True, within=60.0)
         await it.until(lambda: it.state.home_altitude is not None and it.state.prearm_ok, within=60.0)

@@ -22,11 +22,20 @@ flavours = pytest.mark.parametrize("flavour", [ARDUPILOT, PX4])
 
 @pytest.mark.parametrize(
     ("kind", "autopilot", "name"),
-    [(2, 3, "ardupilot"), (13, 3, "ardupilot"), (2, 12, "px4"), (10, 3, None), (1, 12, None), (2, 4, None)],
+    [
+        (2, 3, "ArduCopter"),
+        (13, 3, "ArduCopter"),
+        (2, 12, "Px4"),
+        (10, 3, "ArduRover"),
+        (11, 3, "ArduBoat"),
+        *((kind, 12, None) for kind in (1, 10, 11, 12, 22)),
+        *((kind, 3, None) for kind in (1, 7, 12, 20)),
+        (2, 4, None),
+    ],
 )
-def test_only_multirotors_on_ardupilot_and_px4_are_flown(kind, autopilot, name):
+def test_multirotors_and_ardupilots_rovers_are_moved_and_nothing_else(kind, autopilot, name):
     flavour = flavour_of(Heartbeat(kind, autopilot))
-    assert (flavour.name if flavour else None) == name
+    assert (type(flavour).__name__ if flavour else None) == name
 
 
 @flavours

@@ -176,11 +176,11 @@ def test_flights_end_at_home_on_the_ground(recording):
         assert not state.armed
 
 
-def test_a_rover_is_found_and_not_flown(recording):
+def test_a_rover_is_found_as_what_it_is(recording):
     replay = Replay([])
     with replay.hub.vehicle(5) as rover:
         replay.play(recording("ap_rover_drive"))
         assert replay.hub.heard == (5,)
         assert rover.state.heartbeat.type == 10
-        assert rover.flavour is None
+        assert rover.flavour.surface
         assert rover.what == "a ground_rover on ardupilot"
