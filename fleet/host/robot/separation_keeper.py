@@ -125,7 +125,7 @@ class MeasuredVelocity:
 
 
 class SeparationKeeper:
-    """One robot among the others.
+    """One robot among the others; ``separation`` holds where its configuration says nothing.
 
     ``led``: the host leads it to its goals, by velocities. ``held`` tells the body velocity that is being
     held, ``points`` the places of a task in the robot's world.
@@ -151,12 +151,8 @@ class SeparationKeeper:
         self.placement: Placement | None = None
         self.at: Vector3 | None = None  # where it was last, in the frame that is judged in
         self._start = config.start
-        self._radius = separation.radius or 1.0
-        self._braking = separation.braking or 0.5
-        self._rank = float(separation.precedence or 0)
-        self._fastest = max(limits.speed or NO_LIMIT, limits.vertical_speed or 0.0)
-        soon = self._fastest * 2 * STALE
-        self._reach = self._radius + stopping(self._fastest, self._braking) + soon
+        self._usual = separation
+        self.configure(config, limits)
         self._clock = clock
         self.others = others
         self._mover = mover
@@ -184,6 +180,16 @@ class SeparationKeeper:
     def cause(self) -> str:
         """Why the robot does not go as it was asked; empty while it does."""
         return self._notice.cause
+
+    def configure(self, config: AdapterConfig, limits: Limits) -> None:
+        """Keep the others away by another configuration from the next look on."""
+        separation = config.separation.over(self._usual)
+        self._radius = separation.radius or 1.0
+        self._braking = separation.braking or 0.5
+        self._rank = float(separation.precedence or 0)
+        self._fastest = max(limits.speed or NO_LIMIT, limits.vertical_speed or 0.0)
+        soon = self._fastest * 2 * STALE
+        self._reach = self._radius + stopping(self._fastest, self._braking) + soon
 
     @property
     def is_judged(self) -> bool:
@@ -338,8 +344,8 @@ class SeparationKeeper:
 
     def look(self) -> None:
         """Look at who is near while something of ours moves the robot; slow it, or end its motion."""
+        self._notice.expire()
         if not self._mover.in_motion:
-            self._notice.expire()
             return
         self._look_around()
         try:
@@ -349,7 +355,6 @@ class SeparationKeeper:
 
     def _keep_apart(self) -> None:
         """Slow the velocity that is held; end a way that its autopilot flies too near another."""
-        self._notice.expire()
         if not self._near:
             return
         doing = self._mover.doing()
