@@ -135,7 +135,7 @@ class MotionGuard:
         if self._battery is not None:
             self._battery.see(percent)
         if self.apart is not None:
-            self.apart.charged(percent)
+            self.apart.battery = percent
 
     def share_space(self, apart: SeparationKeeper) -> None:
         """Keep the robot apart from the others from now on."""

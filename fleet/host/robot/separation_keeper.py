@@ -161,7 +161,7 @@ class SeparationKeeper:
         self._points = points
         self._event_reporter = event_reporter
         self._notice = HoldNotice(clock, event_reporter)
-        self._battery: float | None = None
+        self.battery: float | None = None  # percent: of two alike the fuller one gives way
         self._yaw = 0.0
         self._seen = 0.0
         self._velocity = MeasuredVelocity()
@@ -202,10 +202,6 @@ class SeparationKeeper:
         """Take the place on Earth of the origin of the robot's world; None while nobody knows it."""
         if world is not None and self._start is None:
             self.placement, self.on_earth = self.others.place(world), True
-
-    def charged(self, percent: float | None) -> None:
-        """Take how full its battery is: of two alike the fuller one gives way."""
-        self._battery = percent
 
     def see(self, pose: Pose) -> None:
         """Take where the robot is in its own world."""
@@ -257,7 +253,7 @@ class SeparationKeeper:
             turn,
             self._clock.monotonic() - self._seen,
             self._mover.in_motion,
-            (self._rank, -100.0 if self._battery is None else -self._battery),
+            (self._rank, -100.0 if self.battery is None else -self.battery),
         )
 
     def _ahead(self) -> tuple[Vector3, ...]:
