@@ -8,7 +8,7 @@ key                                    what
 ``fleet/{edge}/workers/{worker}``      liveliness: the worker process is up
 ``fleet/{edge}/workers/{worker}/beat``   publication: heartbeat of the worker's event loop
 ``fleet/{edge}/claims/{twin}/{since}``  liveliness: the edge claims the twin since (Unix ms), or ``-held``
-``fleet/{edge}/workers/{worker}/reload``  query: load a changed drop-in file, while its robots rest
+``fleet/{edge}/workers/{worker}/reload``  query: start again with a changed drop-in file or configuration
 ``fleet/{edge}/workers/{worker}/halt``   publication: the edge gives up the worker, which halts its robots
 ``fleet/{edge}/robots/{robot}/command``  query: a command; replies are its receipt and final result
 ``fleet/{edge}/robots/{robot}/prepare``  query: prepare a common start; replies: prepared, receipt, result
@@ -21,6 +21,7 @@ key                                    what
 ``fleet/{edge}/holders``               publication: other holders of the edge's twins, seen in the cloud
 ``fleet/{edge}/health``                publication, and query for the last: the edge's state
 ``fleet/{edge}/schedules``             query: list its schedules, switch one, or start it now
+``fleet/{edge}/changes``               query: read fleet.yaml again, and tell or take over what has changed
 ``fleet/{edge}/history``               query: events of its robots, with the senders of requests
 ``fleet/{edge}/missions/{name}``       query: parameters of a mission; with ``do=``, start it or rehearse it
 ``fleet/{edge}/runs/{run}``            publication, and query: a run's state; queries also control it
@@ -131,7 +132,7 @@ def halt(edge_id: str, name: str) -> str:
 
 
 def reload(edge_id: str, name: str) -> str:
-    """Return the key on which a worker is asked to take a changed drop-in file into use."""
+    """Return the key on which a worker is asked to start again with a changed file or configuration."""
     return f"fleet/{edge_id}/workers/{name}/reload"
 
 
@@ -153,6 +154,11 @@ def history(edge_id: str) -> str:
 def schedules(edge_id: str) -> str:
     """Return the key on which an edge tells its schedules, and takes what is asked of them."""
     return f"fleet/{edge_id}/schedules"
+
+
+def changes(edge_id: str) -> str:
+    """Return the key on which an edge tells and takes over what has changed in its fleet.yaml."""
+    return f"fleet/{edge_id}/changes"
 
 
 def mission(edge_id: str, name: str) -> str:

@@ -24,10 +24,18 @@ from fleet.supervisor.supervisor import Supervisor
 @click.command()
 @click.argument("file", default="fleet.yaml", type=click.Path())
 @click.option("--worker", metavar="NAME", help="Run only this worker, for an edge on another computer.")
+@click.option("--watch", is_flag=True, help="Take drop-in files into use when they are saved.")
 @log_options
 @with_output
 def run(
-    out: Output, file: str, *, worker: str | None, verbose: int, log_file: str | None, log_format: str
+    out: Output,
+    file: str,
+    *,
+    worker: str | None,
+    watch: bool,
+    verbose: int,
+    log_file: str | None,
+    log_format: str,
 ) -> int:
     """Run the fleet of FILE (fleet.yaml when left out) until Ctrl-C.
 
@@ -37,10 +45,14 @@ def run(
 
     --worker runs a worker that the edge lists under remote_workers; the bus.connect of its FILE
     is that edge.
+
+    --watch is for those who write a drop-in adapter: a file that was saved is tried, and its worker starts
+    again with it, once its robots rest; simulated ones do not wait.
     """
     if worker is not None:
         return _supervised(["fleet.host.workers.worker_process", "--name", worker, "--config", file])
     options = ["--json"] * out.as_json + ["--no-color"] * (not out.color) + ["-v"] * verbose
+    options += ["--watch"] * watch
     options += ["--log-format", log_format, *(["--log-file", log_file] if log_file else [])]
     return _supervised(
         ["fleet", "run-edge", *options, "--", file], farewell="fleet.bridge.disconnect_program"

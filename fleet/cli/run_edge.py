@@ -15,9 +15,12 @@ from fleet.supervisor.client import connect_supervisor
 
 @click.command(hidden=True)
 @click.argument("file", type=click.Path())
+@click.option("--watch", is_flag=True)
 @log_options
 @with_output
-def run_edge(out: Output, file: str, *, verbose: int, log_file: str | None, log_format: Format) -> ExitCode:
+def run_edge(
+    out: Output, file: str, *, watch: bool, verbose: int, log_file: str | None, log_format: Format
+) -> ExitCode:
     """Run the fleet of FILE until a signal ends it."""
     loaded = load(file, partial=True)
     for problem in loaded.problems:
@@ -25,7 +28,9 @@ def run_edge(out: Output, file: str, *, verbose: int, log_file: str | None, log_
     for warning in loaded.warnings:
         out.note(f"warning: {warning}")
 
-    def started(_edge: Edge) -> None:
+    def started(edge: Edge) -> None:
+        if watch:
+            edge.watch_drop_ins()
         out.note(f"edge {loaded.config.edge.id} runs; see it with: fleet ps")
 
     logs = logs_to(verbose, log_file, log_format)

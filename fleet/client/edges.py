@@ -225,16 +225,22 @@ class Edges:
         return [one for _, _, found in self._asked(keys.run(edge, run), list[Result], asked) for one in found]
 
     def one(
-        self, key: str, kind: type[T], asked: msgspec.Struct, parameters: Mapping[str, str] | None = None
+        self,
+        key: str,
+        kind: type[T],
+        asked: msgspec.Struct,
+        parameters: Mapping[str, str] | None = None,
+        *,
+        within: float = START_WITHIN,
     ) -> T:
         """Ask one edge, by whichever way reaches it; raises TimedOut without an answer."""
         payload = msgspec.json.encode(asked)
         for bus_session in self._lanes:
             for _, found in decoded(
-                bus_session.ask(key, payload, timeout=START_WITHIN, parameters=parameters), kind
+                bus_session.ask(key, payload, timeout=within, parameters=parameters), kind
             ):
                 return found
-        raise TimedOut(f"no answer within {START_WITHIN:g} s on {key}")
+        raise TimedOut(f"no answer within {within:g} s on {key}")
 
     def _asked(
         self, key: str, kind: type[T], payload: bytes = b"", within: float = ANSWER_WITHIN

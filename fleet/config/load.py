@@ -62,6 +62,7 @@ class Loaded(msgspec.Struct, frozen=True):
     (JSON) that its adapter's Config takes, relative to ``folder``. ``problems`` is empty unless the
     fleet was loaded partially: then it says why the other robots cannot run, and ``config`` (its groups
     too) holds only those that can. ``warnings``: what a person should look at, though it can run.
+    ``secrets`` must never be shown.
     """
 
     config: FleetConfig
@@ -72,6 +73,8 @@ class Loaded(msgspec.Struct, frozen=True):
     problems: tuple[Problem, ...] = ()
     warnings: tuple[Problem, ...] = ()
     missions: tuple[Mission, ...] = ()
+    file: pathlib.Path = pathlib.Path("fleet.yaml")
+    secrets: frozenset[str] = frozenset()
 
 
 class _Made(msgspec.Struct, frozen=True):
@@ -147,7 +150,9 @@ def _load(file: pathlib.Path, environ: Mapping[str, str], partial: bool, registr
     )
     given = {made.config.name: made.given for made in robots.values()}
     warnings = tuple(document.warnings)
-    return Loaded(config, registry, runnable, file.parent, given, problems, warnings, tuple(missions))
+    known = tuple(missions)
+    secrets = frozenset(document.secrets)
+    return Loaded(config, registry, runnable, file.parent, given, problems, warnings, known, file, secrets)
 
 
 def _check_together(document: Document, sections: Sections | None, robots: Mapping[int, _Made]) -> None:

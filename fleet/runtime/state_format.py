@@ -9,6 +9,7 @@ file                   where its number is         without one
 SQLite                 ``PRAGMA user_version``     0: an empty file, which is made
 begun commands         its first row               0: the rows of fleet 0.1.0, which are those of 1
 lines of the log       the field ``format``        1
+configuration.json     the field ``format``        refused; it is written anew at the next start
 =====================  ==========================  ===================================================
 
 Files in a format of others (candump captures, PX4's list of events) have no number of ours.

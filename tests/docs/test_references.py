@@ -18,6 +18,7 @@ DOCS = pathlib.Path(__file__).parents[2] / "docs" / "reference"
     ("script", "result"),
     [
         ("make_config_reference.py", "config.md"),
+        ("make_changes_reference.py", "../how-to/change-a-running-edge.md"),
         ("make_cli_reference.py", "cli.md"),
         ("make_mission_reference.py", "mission-grammar.md"),
         ("make_report_reference.py", "reports.md"),

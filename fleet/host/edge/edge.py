@@ -22,12 +22,16 @@ from fleet.config.places import places_of
 from fleet.health.aggregate import edge_health, robots_by_health
 from fleet.health.load import read_load
 from fleet.host.edge.certificate_expiry import CertificateExpiry, files_of
+from fleet.host.edge.changes import Changes
 from fleet.host.edge.cloud_claims import CloudClaims
 from fleet.host.edge.cloud_presence import CloudPresence
+from fleet.host.edge.drop_in_watch import DropInWatch, watched_files
 from fleet.host.edge.metrics_port import MetricsPort
 from fleet.host.edge.missions import Missions
 from fleet.host.edge.notifier import Notifier
+from fleet.host.edge.renamed import carry_stops
 from fleet.host.edge.schedules import EdgeSchedules
+from fleet.host.edge.worker_robots import remote_robots, worker_managers
 from fleet.host.journal.stores import history_bounds, open_stores
 from fleet.host.process.common_start import take_starts
 from fleet.host.process.component_settings import (
@@ -38,7 +42,6 @@ from fleet.host.process.component_settings import (
     settle_time,
     spool_settings,
     topics,
-    worker_of,
 )
 from fleet.host.process.driverlog import publish_robot_logs
 from fleet.host.process.history_service import HistoryService
@@ -50,9 +53,8 @@ from fleet.host.requests.stop_cause import local_cause
 from fleet.host.robot.local_robot import LocalRobot
 from fleet.host.robot.robot_positions import positions_of
 from fleet.host.workers.remote_robot import RemoteRobot
-from fleet.host.workers.worker_manager import WorkerManager, names_of
-from fleet.host.workers.worker_task import WorkerTask, specs_here, task_of
-from fleet.model.event import EventKind, EventReport, Severity
+from fleet.host.workers.worker_changes import WorkerChanges
+from fleet.host.workers.worker_task import specs_here
 from fleet.model.health import Health, degraded
 from fleet.model.state import EdgeState, RobotState
 from fleet.robot_config import AdapterConfig
@@ -109,19 +111,16 @@ class Edge:
                 supervised=supervised,
                 traffic=positions_of(config, clock),
             )
-            self.remote = self._remote(loaded)
+            self.remote = remote_robots(loaded, self.process)
             self.process.claims.add(robot.twin for robot in self.remote.values())
+            carry_stops(loaded, folder, self.process, self.remote)
             self.process.moves_elsewhere = self._moves
             self.cloud_claims = CloudClaims(
                 {robot.twin: robot for robot in self.robots()},
                 hold=self.process.held_in_the_cloud,
                 tell=partial(self.bus.control.put, keys.holders(config.edge.id)),
             )
-            self._workers = [
-                self._worker(task_of(loaded, name), directory)
-                for name in names_of(robot.worker for robot in self.remote.values())
-                if name not in config.remote_workers
-            ]
+            self._workers = worker_managers(loaded, directory, self.process, self.remote)
             self.missions = Missions(loaded, self.process, self.remote, folder, self._stop_robots)
             undo.callback(self.missions.close)
             self.bridge = self._bridge([robot for robot, _ in loaded.robots])
@@ -150,43 +149,20 @@ class Edge:
             config, folder, self.missions.starter, states=self.states, record=history.add, clock=clock
         )
         history.told = self.schedules.before(self._notifier.take)
-        self.beside: Callable[[], str] = str  # what is wrong with programs beside it, as the console
-
-    def _remote(self, loaded: Loaded) -> dict[str, RemoteRobot]:
-        """Build this side of the robots that run in workers."""
-        remote = {
-            robot.name: RemoteRobot(
-                robot,
-                adapter=plugin.name,
-                edge=self._config.edge.id,
-                control=self.bus.control,
-                clock=self._clock,
-                soon=self._soon,
-                arrival=self.process.watchdog.arrival,
-                worker=worker_of(robot, plugin),
-                publish=self.process.outbox.sender(str(robot.twin)),
-            )
-            for robot, plugin in loaded.robots
-            if worker_of(robot, plugin)
-        }
-        edge = self._config.edge.id
-        states = {keys.state(edge, name): robot.state_arrived for name, robot in remote.items()}
-        if states:
-            self.bus.control.subscribe_many(keys.state(edge, "*"), states)
-        return remote
-
-    def _worker(self, task: WorkerTask, directory: Path) -> WorkerManager:
-        """Build what watches one worker process."""
-        return WorkerManager(
-            task.worker,
-            edge=task.edge,
-            task=msgspec.json.encode(task),
-            directory=directory,
-            control=self.bus.control,
-            clock=self._clock,
-            told=self._worker_is,
-            halt=self._halt_worker,
+        self._watches: DropInWatch | None = None
+        self._loaded = loaded
+        self._worker_changes = workers = WorkerChanges(
+            config.edge.id, self.bus.control, self._workers, self.remote
         )
+        self._changes = Changes(
+            loaded,
+            self.process,
+            self.remote,
+            workers,
+            folder=folder,
+            configured=self.missions.configured,
+        )
+        self.beside: Callable[[], str] = str  # what is wrong with programs beside it, as the console
 
     async def run(self, ended: asyncio.Event) -> None:
         """Serve until ``ended`` is set, then bring every robot to a standstill and close everything."""
@@ -204,15 +180,20 @@ class Edge:
                 self.process.scheduler.at_end(self.bridge.turn)
                 self.bridge.start()
             workers += [
-                asyncio.create_task(worker.run(), name=f"worker:{worker.name}") for worker in self._workers
+                asyncio.create_task(worker.run(), name=f"worker:{worker.name}")
+                for worker in self._workers.values()
             ]
+            workers.append(asyncio.create_task(self._changes.begin(), name="changes"))
             workers.append(asyncio.create_task(self.schedules.run(), name="schedules"))
+            if self._watches is not None:
+                workers.append(asyncio.create_task(self._watches.run(), name="watch"))
             self.process.supervised.running()
             await ended.wait()
             self.process.supervised.ending()
         finally:
             for task in workers:
                 task.cancel()
+            await self._changes.close()
             await asyncio.to_thread(self._stop_inputs.end)
             await self.process.stop()
             await asyncio.gather(*workers, return_exceptions=True)
@@ -237,6 +218,15 @@ class Edge:
 
         metrics = Metrics(self)
         return metrics, MetricsPort(metrics, self._config.metrics)
+
+    def watch_drop_ins(self) -> None:
+        """Take drop-in files into use whenever they are saved; before ``run``."""
+        workers = self._worker_changes
+
+        async def ask(worker: str, adapter: str, force: bool) -> str:  # noqa: FBT001 - by position
+            return await workers.start_again(worker, adapter, force=force)
+
+        self._watches = DropInWatch(watched_files(self._loaded), ask, workers.hindrance)
 
     def robots(self) -> list[LocalRobot | RemoteRobot]:
         """Return every robot of this edge, also those in its workers."""
@@ -334,6 +324,7 @@ class Edge:
         self.bus.control.answer(keys.history(edge), self._recall.asked)
         self.bus.control.answer(keys.schedules(edge), self.schedules.asked, more=keys.CONSOLE)
         self.missions.declare()
+        self._changes.declare(self.bus.control)
         self._notifier.hear(self.bus.reports, {robot.twin: robot.name for robot in self.remote.values()})
         health = self.bus.control.publisher(keys.health(edge))
 
@@ -376,15 +367,6 @@ class Edge:
         robot = self.process.robots.get(name) or self.remote.get(name)
         return robot is not None and robot.state().reachable
 
-    def _worker_is(self, worker: str, cause: str) -> None:
-        """Pass on what is wrong with a worker to its robots."""
-        for robot in self.remote.values():
-            if robot.worker == worker:
-                robot.worker_is(cause)
-                if cause:
-                    lost = EventReport(self._clock.time(), EventKind.LOST, cause, Severity.ERROR)
-                    self.process.history.add(robot.name, lost)
-
     def _stop_robots(self, names: tuple[str, ...], why: str) -> None:
         """Set the emergency stop of robots, here and in workers; no name means all. From any thread."""
         stop_everywhere(self.process, self.remote.values(), names, local_cause("", why))
@@ -394,7 +376,3 @@ class Edge:
         for robot in self.remote.values():
             if not names or robot.name in names:
                 robot.renew_stop(local_cause("", why))
-
-    def _halt_worker(self, worker: str) -> None:
-        """Halt the robots of a worker that hangs, before it is killed; nobody asked for a stop that stays."""
-        self.bus.control.put(keys.halt(self._config.edge.id, worker), b"", urgent=True)

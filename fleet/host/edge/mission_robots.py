@@ -7,7 +7,9 @@ from functools import partial
 
 from fleet.bus import keys
 from fleet.bus.zenoh_session import ZenohSession
+from fleet.config.load import Loaded
 from fleet.host.robot.local_robot import LocalRobot
+from fleet.host.safety.source_policy import SourcePolicy
 from fleet.host.workers.remote_robot import RemoteRobot
 from fleet.missions.plan import plans_taken
 from fleet.model.command import Request, Transport
@@ -17,6 +19,21 @@ from fleet.runtime.decoding import decode_json
 from fleet.wire.rules import Kind
 
 DESCRIBED_WITHIN = 2.0  # s for other processes to say what their robots take
+
+
+class RobotRules:
+    """Whose missions each robot of the edge takes part in, and how old (s) a start may be, by name."""
+
+    def __init__(self, loaded: Loaded) -> None:
+        self.policies: dict[str, SourcePolicy] = {}
+        self.max_age: dict[str, float] = {}
+        self.configure(loaded)
+
+    def configure(self, loaded: Loaded) -> None:
+        """Take over another configuration of the same robots."""
+        for robot, _ in loaded.robots:
+            self.policies[robot.name] = SourcePolicy(robot.accepts, simulated=robot.simulated)
+            self.max_age[robot.name] = robot.command_max_age
 
 
 class RobotHere:

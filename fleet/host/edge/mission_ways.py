@@ -90,7 +90,12 @@ class MissionWays:
             places_of(loaded.config.places), GeoOrigin(*origin) if origin is not None else None
         )
         self.state_of = state_of
-        self._checks = {robot.name: WayCheck(robot, self.site) for robot, _ in loaded.robots}
+        self._checks: dict[str, WayCheck] = {}
+        self.configure(loaded)
+
+    def configure(self, loaded: Loaded) -> None:
+        """Check by another configuration of the robots."""
+        self._checks.update({robot.name: WayCheck(robot, self.site) for robot, _ in loaded.robots})
 
     def hindrance(self, robot: str, act: Act) -> str:
         """Return why a robot must not do something; empty when nothing is known against it."""

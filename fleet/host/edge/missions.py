@@ -18,7 +18,7 @@ from fleet.errors import Refused, WireError
 from fleet.host.edge.cloud_workflows import CloudWorkflows
 from fleet.host.edge.common_start import CommonStart
 from fleet.host.edge.coordinators import Coordinators
-from fleet.host.edge.mission_robots import Descriptions, RobotElsewhere, RobotHere, can, trouble
+from fleet.host.edge.mission_robots import Descriptions, RobotElsewhere, RobotHere, RobotRules, can, trouble
 from fleet.host.edge.mission_starter import MissionStarter
 from fleet.host.edge.mission_ways import MissionWays
 from fleet.host.edge.partners import Partners
@@ -29,7 +29,6 @@ from fleet.host.edge.twin_plans import TwinPlans
 from fleet.host.process.robot_process import RobotProcess
 from fleet.host.requests.console_asker import console_refusal
 from fleet.host.requests.stop_cause import StopCause
-from fleet.host.safety.source_policy import SourcePolicy
 from fleet.host.workers.remote_robot import RemoteRobot
 from fleet.missions.filling import mission_state
 from fleet.missions.report import (
@@ -86,9 +85,8 @@ class Missions:
         self._elsewhere = {name: RobotElsewhere(robot) for name, robot in elsewhere.items()}
         self._recorded: set[str] = set()
         self._twins = {robot.name: str(robot.twin) for robot, _ in loaded.robots}
-        self._policies = {
-            robot.name: SourcePolicy(robot.accepts, simulated=robot.simulated) for robot, _ in loaded.robots
-        }
+        rules = RobotRules(loaded)
+        self._policies = rules.policies
         self._states = self._bus_session.publishers(keys.run(self._edge, "*"))
         site = config.site.origin
         self.partners = Partners(
@@ -144,7 +142,7 @@ class Missions:
             self.starts,
             {robot.name: process.outbox.sender(str(robot.twin)) for robot, _ in loaded.robots},
             self._policies,
-            max_age={robot.name: robot.command_max_age for robot, _ in loaded.robots},
+            max_age=rules.max_age,
             record=process.history.add,
             soon=self._soon,
             clock=process.clock,
@@ -162,6 +160,7 @@ class Missions:
         self.results = RunResults(folder, self.runs, self.runs.robots, twins, process.clock)
         process.outbox.pictured = self.results.pictured
         process.on_stop = self.stopped
+        self.configured = (rules.configure, ways.configure, self.rehearsals.configure)
 
     def _soon(self, call: Callable[[], None]) -> None:
         """Run a call on the event loop; from any thread."""

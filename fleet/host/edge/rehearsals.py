@@ -96,6 +96,10 @@ class Rehearsals:
         present = Present(program, self._config, self._clock.time(), places, roles)
         return refusal(reversed(self._passes), present)
 
+    def configure(self, loaded: Loaded) -> None:
+        """Rehearse with another configuration; what was passed with the one before counts no more."""
+        self._loaded, self._config = loaded, config_digest(loaded)
+
     def begin(self, question: Query, mission: Mission, program: Program, ask: StartAsk) -> None:
         """Begin a rehearsal, and answer; on the loop."""
         try:

@@ -61,6 +61,10 @@ class GoalFollower:
         self._pose: Pose | None = None
         self._seen = 0.0
 
+    def configure(self, _config: AdapterConfig, limits: Limits) -> None:
+        """Lead within other limits from the next task on; what is held is clamped to them already."""
+        self._limits = limits
+
     @property
     def has_pose(self) -> bool:
         """True once the robot has told where it is."""

@@ -20,6 +20,7 @@ from fleet.history.store import History
 from fleet.host.journal.journal import Journal
 from fleet.host.logs.rotating_file import log_and_flush
 from fleet.host.process.console_requests import ConsoleRequests
+from fleet.host.process.robot_runs import RobotRuns
 from fleet.host.process.setpoints import take_setpoints
 from fleet.host.process.twin_claims import TwinClaims
 from fleet.host.process.video_relay import relay_video
@@ -98,7 +99,7 @@ class RobotProcess:
         self._thread = LoopMonitor(self.loop)
         self.starvation = CpuStarvation(clock.monotonic(), self._thread.waited())
         self._shared = SharedResources()
-        self._tasks: dict[str, asyncio.Task[None]] = {}
+        self.runs = RobotRuns(self._look_at_claim)
         self._states = bus.control.publishers(keys.state(edge, "*"))
         self._settling: asyncio.TimerHandle | None = None
         self._interpreter = contextlib.ExitStack()  # its settings, while the robots run
@@ -131,7 +132,6 @@ class RobotProcess:
         )
         self.moves_elsewhere: Callable[[str], bool] = lambda _twin: False  # of robots in workers
         self._holders: dict[str, dict[str, str]] = {}
-        self._ending = False
         self.on_holder: Callable[[str, str], None] = lambda _twin, _holder: None
         self.on_stop: Callable[[tuple[str, ...], StopCause], None] = lambda _names, _cause: None
 
@@ -213,41 +213,22 @@ class RobotProcess:
         self.on_holder(twin, first)
         for robot in self.robots.values():
             if robot.twin == twin and not first:
-                self._run(robot)
+                self.runs.run(robot)
             elif robot.twin == twin:
-                self._keep_out(robot, f"edge {first} has its twin; one of the two must leave it out")
+                self.runs.keep_out(robot, f"edge {first} has its twin; one of the two must leave it out")
 
-    def _run(self, robot: LocalRobot) -> None:
-        """Run a robot, once an earlier run of it has ended."""
-        task = self._tasks.get(robot.name)
-        if self._ending:
-            return
-        if task is None:
-            self._tasks[robot.name] = robot.start()
-        elif task.cancelling():
-            task.add_done_callback(lambda _: self._held(robot.twin, "bus", self._holders[robot.twin]["bus"]))
-
-    def _keep_out(self, robot: LocalRobot, why: str) -> None:
-        """End a robot's run, if there is one, and say why there is none."""
-        task = self._tasks.get(robot.name)
-
-        def ended(_task: asyncio.Task[None]) -> None:
-            self._tasks.pop(robot.name, None)
-            robot.stand_by(why)
-
-        if task is None:
-            robot.stand_by(why)
-        elif not task.cancelling():
-            task.add_done_callback(ended)
-            task.cancel()
+    def _look_at_claim(self, robot: LocalRobot) -> None:
+        """Run a robot, or keep it out, by who is known to have its twin."""
+        for where, holder in list(self._holders.get(robot.twin, {}).items())[:1]:
+            self._held(robot.twin, where, holder)
 
     async def stop(self) -> None:
         """Bring every robot that we were moving to a standstill, then let go of them."""
-        self._ending = True
-        for task in self._tasks.values():
+        self.runs.ending = True
+        for task in self.runs.tasks.values():
             task.cancel()
-        if self._tasks:
-            _, late = await asyncio.wait(self._tasks.values(), timeout=SHUTDOWN)
+        if self.runs.tasks:
+            _, late = await asyncio.wait(self.runs.tasks.values(), timeout=SHUTDOWN)
             for task in late:
                 log.error("%s did not end within %g s", task.get_name(), SHUTDOWN)
         self.outbox.flush()

@@ -187,7 +187,9 @@ class AdapterRunner:
         """Connect and serve; what was entered is left after the robot was brought to a standstill."""
         async with handle.contexts:
             adapter = call_guarded(self._make, handle)
-            self._stopped_by = lambda: adapter.failsafe or handle.has_left_halt or not self.controller.moves
+            self._stopped_by = lambda: (
+                adapter.failsafe or handle.has_left_halt or not self.controller.can.moves
+            )
             await adapter.connect()
             self.controller.attach(adapter)
             handle.connected(answers=adapter.connects())

@@ -57,8 +57,7 @@ class RobotController:
         journal: RobotJournal,
         clock: Clock,
     ) -> None:
-        self.name, self.last = config.name, LastCommand()
-        self._can, self.moves, any_way = capabilities, capabilities.moves, capabilities.holonomic
+        self.name, self.last, self.can = config.name, LastCommand(), capabilities
         limits, combines = config.limits.over(capabilities.limits), capabilities.combines_keys
         self.event_reporter = EventReporter(self.name, publish, clock, in_motion=lambda: self.in_motion)
         self.guard = MotionGuard(config, limits, clock, robot=self, event_reporter=self.event_reporter)
@@ -82,13 +81,14 @@ class RobotController:
         self.in_control = self._heard = False  # _heard: since the adapter's run began
         self.may_be_moving = journal.cut_off  # it moved because of us when it was lost, and may still
         self._executor = Executor(crashed=crashed, journal=journal, log=self.event_reporter.log)
-        ready = self._executor.standing
+        ready, any_way = self._executor.standing, capabilities.holonomic
         self._navigator = Navigator(
             publish=publish, hold=self._settle, crashed=crashed, clock=clock, journal=journal, ready=ready
         )
         self.recall, self.doing = self._navigator.recall, self._navigator.doing  # recall: of earlier actions
         self._leader = goal_follower_of(config, self._lead, limits, clock, guard.others.of, holonomic=any_way)
         self.see, self.hold_again = self._leader.see, self._driving.hold_again  # see: the poses it is led by
+        self.configured = (self._admission, self.speeds, self.guard, self._driving, self._leader)
 
     @property
     def latched(self) -> bool:
@@ -214,9 +214,9 @@ class RobotController:
             self._stop(ask, receipt)
             return
         own = self.own.get(ask.name)
-        spec = None if own else self._can.command(ask.name)
+        spec = None if own else self.can.command(ask.name)
         if own is None and spec is None:
-            receipt.reject(f"{self.name} has no {ask.name!r}", hint=self._can.hint(ask.name))
+            receipt.reject(f"{self.name} has no {ask.name!r}", hint=self.can.hint(ask.name))
             return
         first = self._repeats.first(ask.id, receipt, self._clock.monotonic())
         if first is not None:
@@ -288,7 +288,7 @@ class RobotController:
         """Take a velocity: the newest wins, at once; a zero that comes late ends motion, and no more."""
         untimely = self._admission.is_untimely_zero(ask)
         judge = self._admission.untimely_zero if untimely else self._admission.setpoint
-        adapter = self._streamed_to(self._can.refusal(ask.velocity) or judge(ask), receipt)
+        adapter = self._streamed_to(self.can.refusal(ask.velocity) or judge(ask), receipt)
         if adapter is None:
             return
         if untimely:
@@ -305,7 +305,7 @@ class RobotController:
 
     def _joint_setpoint(self, ask: JointSetpoint, receipt: Receipt) -> None:
         """Take joint targets: each joint has its newest, until its lease runs out."""
-        adapter = self._streamed_to(self._can.joint_refusal or self._admission.joints(ask), receipt)
+        adapter = self._streamed_to(self.can.joint_refusal or self._admission.joints(ask), receipt)
         if adapter is not None:
             self.in_control = True
             self.event_reporter.moves(ask)
@@ -330,7 +330,7 @@ class RobotController:
 
     def _pilot(self) -> GoalNavigator | None:
         """Return who leads the robot to a goal: itself, or the host; None when neither can."""
-        can = self._can
+        can = self.can
         return goal_navigator(self._adapter, self._leader, navigates=can.navigates, drives=can.drives)
 
     def _navigate(self, ask: Navigate, receipt: Receipt) -> None:
@@ -357,10 +357,10 @@ class RobotController:
     def unable(self, task: AnyTask) -> str | None:
         """Return why the robot would not begin a task now, whoever asks for it; None when it would."""
         busy = f"busy with {self._executor.moving}" if self._executor.moving else None
-        refusal = self._can.cannot(task) or self.guard.task(task) or busy
+        refusal = self.can.cannot(task) or self.guard.task(task) or busy
         if refusal is not None or self.offline or self._pilot() is not None:
             return refusal
-        return f"{self.name} does not navigate" + ": it has told no pose" * self._can.drives
+        return f"{self.name} does not navigate" + ": it has told no pose" * self.can.drives
 
     def _end_driving(self, adapter: Adapter[Any]) -> None:
         """End a velocity that is held, or was until its lease ran out, before the robot moves otherwise."""

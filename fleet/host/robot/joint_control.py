@@ -62,7 +62,7 @@ class JointDriving:
         self.deadman = DeadMan()
         self.followers: list[Callable[[JointReport], object]] = []
         self._clock = clock
-        self._lease = lease
+        self.lease = lease
         self._barred = barred
         self._halt = halt
         self._crashed = crashed
@@ -76,7 +76,7 @@ class JointDriving:
     def follow(self, ask: Command) -> None:
         """Follow the leader from now on, if it tells where its joints are within a lease; until any stop."""
         self._led, self._by = {}, ask.origin
-        self.deadman.feed(self._clock.monotonic(), self._lease)
+        self.deadman.feed(self._clock.monotonic(), self.lease)
 
     def following(self, leader: JointReport) -> JointSetpoint | None:
         """Return where a leader's joints lead those of the same names; None while it is not followed.
@@ -151,8 +151,8 @@ class JointDriving:
         if not self.deadman.armed:
             self._led, self._by, self._stepped = {}, None, now - STEP
         for joint, target in wanted.items():
-            self._led[joint] = _Led(starts[joint], target, now + self._lease)
-        self.deadman.feed(now, self._lease)
+            self._led[joint] = _Led(starts[joint], target, now + self.lease)
+        self.deadman.feed(now, self.lease)
 
     def _ranges(self) -> Mapping[str, JointRange]:
         """Return the joints that take targets now; none without an adapter."""

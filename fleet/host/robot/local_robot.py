@@ -8,6 +8,8 @@ from collections.abc import Callable
 from functools import partial
 from typing import Any
 
+import msgspec
+
 from fleet.clock import Clock
 from fleet.commands import CommandSpec
 from fleet.errors import WireError
@@ -25,10 +27,11 @@ from fleet.host.robot.controller import RobotController
 from fleet.host.robot.distance_moves import goal_of
 from fleet.host.robot.dry_run import would_refuse
 from fleet.host.robot.joint_control import STEP
+from fleet.host.robot.keeper import keeper_of
 from fleet.host.robot.report_queue import ReportQueue
 from fleet.host.robot.robot_handle import RobotHandle
 from fleet.host.robot.robot_positions import RobotPositions
-from fleet.host.robot.separation_keeper import LOOK, SeparationKeeper
+from fleet.host.robot.separation_keeper import LOOK
 from fleet.host.robot.snapshot import READ, Snapshot, is_known, rounded
 from fleet.host.runtime.blocking_calls import BlockingCalls
 from fleet.host.runtime.shared_resources import SharedResources
@@ -78,7 +81,7 @@ class LocalRobot:
         self.source_type, self.legacy_status = config.source_type, config.legacy_status
         self._simulated = config.simulated  # here once: the state is asked for often
         self._edge, self._worker = edge, worker
-        self._clock, self._scheduler, self._shared = clock, scheduler, shared
+        self.clock, self._scheduler, self._shared = clock, scheduler, shared
         self._send = outbox.sender(self.twin)
         self._seen = Snapshot()
         self._traffic: RobotPositions | None = None
@@ -90,7 +93,8 @@ class LocalRobot:
         self._refusals = RateLimitedCounter(self._log, clock)
         self._record = never_raises(record)  # into the edge's history
         self._recorder = HistoryRecorder(self.publish, clock)
-        self._can = can = configured(capabilities(plugin), config)
+        self.plugin, self._can = plugin, configured(capabilities(plugin), config)
+        can = self._can
         self.controller = RobotController(
             config,
             can,
@@ -112,7 +116,7 @@ class LocalRobot:
         self._kept: tuple[dict[str, Any], BlockingCalls] = {}, BlockingCalls(config.name)  # over attempts
         self.runner = AdapterRunner(
             self.controller,
-            make=lambda handle: create_adapter(plugin, config, handle),
+            make=lambda handle: create_adapter(plugin, self.config, handle),
             handle=self._new_handle,
             waits=backoff,
             clock=clock,
@@ -120,22 +124,19 @@ class LocalRobot:
             told=self.happenings.level_is,
         )
 
+    def configure(self, config: AdapterConfig) -> None:
+        """Take over another configuration of the same robot: its host at once, its adapter when it begins."""
+        can = configured(capabilities(self.plugin), config)
+        self._can = self.controller.can = msgspec.structs.replace(can, lacking=self._can.lacking)
+        self.config, self._limits = config, config.limits.over(self._can.limits)
+        for part in self.controller.configured:
+            part.configure(config, self._limits)
+
     def share_space(self, traffic: RobotPositions) -> None:
         """Be one of the robots of the edge that are kept apart from each other."""
         guard = self.controller.guard
         self._traffic = traffic
-        apart = SeparationKeeper(
-            self.config,
-            self.config.separation.over(self._can.separation),
-            self._limits,
-            clock=self._clock,
-            others=traffic,
-            mover=self.controller,
-            led=not self._can.navigates,
-            held=lambda: guard.held,
-            points=guard.points,
-            event_reporter=self.controller.event_reporter,
-        )
+        apart = keeper_of(self.config, self._limits, self.controller, traffic, self.clock)
         traffic.join(apart)
         guard.share_space(apart)
 
@@ -199,7 +200,7 @@ class LocalRobot:
             self._refusals.add("flawed", "took a message that was refused for %s: %s", ask.name, ask.flaw)
             answer = reply_with_flaw(answer, ask.flaw)
         receipt = Receipt(ask.name, answer, waits=waits)
-        waited = self._clock.monotonic() - arrived
+        waited = self.clock.monotonic() - arrived
         if waited <= max_wait(ask, self.config):
             self.begin(ask, receipt)
             return
@@ -236,7 +237,7 @@ class LocalRobot:
         """Say that a goal or a mission that could not be read has failed, by its id where it had one."""
         if kind in ("navigate", "mission"):
             step = 0 if kind == "mission" else None
-            self.publish(NavigationReport(self._clock.time(), action_id, ActionState.FAILED, 0.0, why, step))
+            self.publish(NavigationReport(self.clock.time(), action_id, ActionState.FAILED, 0.0, why, step))
 
     def start(self) -> asyncio.Task[None]:
         """Begin to serve the robot."""
@@ -255,7 +256,11 @@ class LocalRobot:
 
     def be_watched(self, watchdog: Watchdog) -> None:
         """Have the watchdog end a velocity, and what leads the joints, when their lease has run out."""
-        watchdog.add(self.name, Watched(self.controller.deadman, self.controller.halt, self._expired))
+
+        def expired() -> None:
+            self._loop.call_soon_threadsafe(self._lease_ran_out)
+
+        watchdog.add(self.name, Watched(self.controller.deadman, self.controller.halt, expired))
         joints = self.controller.joints
         if self._can.moves_joints:
             watchdog.add(f"{self.name} joints", Watched(joints.deadman, joints.hold, self._joints_expired))
@@ -265,7 +270,7 @@ class LocalRobot:
         """Take where the leader's joints are; on the loop. They ask nothing before ``follow_leader``."""
         ask = self.controller.joints.following(report)
         if ask is not None:
-            self._take("joints", ask, False, self._clock.monotonic(), self.tell_refused)
+            self._take("joints", ask, False, self.clock.monotonic(), self.tell_refused)
 
     def publish(self, report: Report) -> None:
         """Send a report on its way; what happened goes into the edge's history too."""
@@ -286,7 +291,7 @@ class LocalRobot:
 
     def _reported(self, report: Report) -> None:
         """Take a report of the adapter's: the robot was heard."""
-        self._seen.heard = self._clock.monotonic()
+        self._seen.heard = self.clock.monotonic()
         self.publish(report)
 
     def state(self) -> RobotState:
@@ -298,7 +303,7 @@ class LocalRobot:
             twin=self.twin,
             adapter=self._adapter,
             edge=self._edge,
-            stamp=self._clock.time(),
+            stamp=self.clock.time(),
             health=health.level.word,
             cause=health.cause,
             reachable=not self.controller.offline,
@@ -319,12 +324,12 @@ class LocalRobot:
             separation=self._traffic.unknown(self.name) if self._traffic else "",
             in_use=self.in_use,
             drop_in=self._drop_in,
-            speed=rounded(self._seen.speed(self._clock.time())),
-            age=rounded(self._seen.age(self._clock.monotonic())),
+            speed=rounded(self._seen.speed(self.clock.time())),
+            age=rounded(self._seen.age(self.clock.monotonic())),
             run=self.controller.lease.run,
             left_run=self.controller.lease.left,
             heading=rounded(self._seen.heading),
-            control=self.controller.lease.holder(self._clock.monotonic()),
+            control=self.controller.lease.holder(self.clock.monotonic()),
         )
 
     def describe(self) -> RobotDescription:
@@ -352,7 +357,7 @@ class LocalRobot:
             limits=self._limits,
             state=self._kept[0],
             calls=self._kept[1],
-            clock=self._clock,
+            clock=self.clock,
             scheduler=self._scheduler,
             shared=self._shared,
             publish=self._reported,
@@ -362,10 +367,6 @@ class LocalRobot:
             failed=runner.crashed,
             supervised=self._supervised,
         )
-
-    def _expired(self) -> None:
-        """Follow the watchdog's halt on the loop."""
-        self._loop.call_soon_threadsafe(self._lease_ran_out)
 
     def _joints_expired(self) -> None:
         """Tell that the watchdog had the joints hold."""
@@ -393,7 +394,7 @@ class LocalRobot:
             self._online = online
             kind, session = ("connected", "telemetry_start") if online else ("disconnected", "telemetry_end")
             fields = {} if online else {"reason": self.runner.health.cause}
-            now = self._clock.time()
+            now = self.clock.time()
             self.publish(TelemetryReport(now, kind, fields))
             self.publish(TelemetryReport(now, session))
         self._changed(self.name)

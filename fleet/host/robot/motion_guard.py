@@ -26,7 +26,7 @@ from fleet.model.geometry import ZERO_VELOCITY, Pose, Vector3, Velocity, rotate_
 from fleet.model.navigation import AnyTask, FlyMission, FollowPath, FollowRobot, Goal, GoTo, RelativeMove
 from fleet.model.polygon import Polygon
 from fleet.model.report import BatteryReport, FlightControllerReport, PoseReport, Report
-from fleet.robot_config import AdapterConfig, FenceConfig, Limits
+from fleet.robot_config import AdapterConfig, BatteryPolicy, FenceConfig, Limits
 from fleet.runtime.decoding import convert_strictly
 
 STALE = 1.0  # s after which a pose is too old to keep a fence by
@@ -70,11 +70,6 @@ class MotionGuard:
         robot: GuardActions,
         event_reporter: EventReporter,
     ) -> None:
-        self._config = config.fence
-        self._all = config
-        self._limits = limits
-        self._unbordered = config.fence is None and limits.distance is None
-        self._unfenced = self._unbordered and limits.altitude is None
         self._clock = clock
         self._robot = robot
         self._event_reporter = event_reporter
@@ -83,13 +78,8 @@ class MotionGuard:
         self.apart: SeparationKeeper | None = None
         self.others = Whereabouts()
         self._battery: BatteryWatch | None = None
-        if config.battery_policy is not None:
-            self._battery = BatteryWatch(
-                config.battery_policy,
-                event_reporter=event_reporter,
-                ask=robot.receive,
-                free=lambda: not self.taken and robot.free,
-            )
+        self._policy: BatteryPolicy | None = None
+        self._percent: float | None = None
         place = config.origin
         self._origin = None if place is None else convert_strictly(place, GeoOrigin, from_attributes=True)
         self._home: GeoPoint | None = None
@@ -97,7 +87,28 @@ class MotionGuard:
         self._seen = 0.0
         self._trouble = ""
         self.fence: Fence | None = None
+        self.configure(config, limits)
+
+    def configure(self, config: AdapterConfig, limits: Limits) -> None:
+        """Keep another fence, other limits and another battery policy from now on, motion included."""
+        self._all, self._config, self._limits = config, config.fence, limits
+        self._unbordered = config.fence is None and limits.distance is None
+        self._unfenced = self._unbordered and limits.altitude is None
+        before, self._policy = self._policy, config.battery_policy
+        if self._policy is None:
+            self._battery = None
+        elif self._policy != before:
+            self._battery = BatteryWatch(
+                self._policy,
+                event_reporter=self._event_reporter,
+                ask=self._robot.receive,
+                free=lambda: not self.taken and self._robot.free,
+            )
+            self._battery.see(self._percent)
         self._draw()
+        if self.apart is not None:
+            self.apart.configure(config, limits)
+        self._look()
 
     # -- what the robot tells ------------------------------------------------------------------------
 
@@ -120,10 +131,11 @@ class MotionGuard:
 
     def _charged(self, percent: float | None) -> None:
         """Take how full the battery is."""
+        self._percent = percent
         if self._battery is not None:
             self._battery.see(percent)
         if self.apart is not None:
-            self.apart.charged(percent)
+            self.apart.battery = percent
 
     def share_space(self, apart: SeparationKeeper) -> None:
         """Keep the robot apart from the others from now on."""
@@ -223,7 +235,9 @@ class MotionGuard:
         if not trouble and self._battery is not None and isinstance(task, FlyMission):
             trouble = self._battery.start_trouble()
         if not trouble and self._battery is not None:
-            trouble = self._battery.trouble(_length((start, *points, home)), self._speed(task))
+            trouble = self._battery.trouble(
+                _length((start, *points, home)), task.constraints.max_speed or self._limits.speed
+            )
         if not trouble and self.apart is not None:
             trouble = self.apart.task_trouble(task, points)
         return trouble or None
@@ -335,10 +349,6 @@ class MotionGuard:
         if world is None or goal.geo is None:
             raise Refused("a place on Earth needs an origin in fleet.yaml, or a home")
         return world_from_geo(world, goal.geo)
-
-    def _speed(self, task: AnyTask) -> float | None:
-        """Return the speed of a task, None when nobody says."""
-        return task.constraints.max_speed or self._limits.speed
 
 
 def _placed(corners: Iterable[tuple[float, float]], config: FenceConfig, world: GeoOrigin | None) -> Polygon:

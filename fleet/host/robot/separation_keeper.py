@@ -125,7 +125,7 @@ class MeasuredVelocity:
 
 
 class SeparationKeeper:
-    """One robot among the others.
+    """One robot among the others; ``separation`` holds where its configuration says nothing.
 
     ``led``: the host leads it to its goals, by velocities. ``held`` tells the body velocity that is being
     held, ``points`` the places of a task in the robot's world.
@@ -151,12 +151,8 @@ class SeparationKeeper:
         self.placement: Placement | None = None
         self.at: Vector3 | None = None  # where it was last, in the frame that is judged in
         self._start = config.start
-        self._radius = separation.radius or 1.0
-        self._braking = separation.braking or 0.5
-        self._rank = float(separation.precedence or 0)
-        self._fastest = max(limits.speed or NO_LIMIT, limits.vertical_speed or 0.0)
-        soon = self._fastest * 2 * STALE
-        self._reach = self._radius + stopping(self._fastest, self._braking) + soon
+        self._usual = separation
+        self.configure(config, limits)
         self._clock = clock
         self.others = others
         self._mover = mover
@@ -165,7 +161,7 @@ class SeparationKeeper:
         self._points = points
         self._event_reporter = event_reporter
         self._notice = HoldNotice(clock, event_reporter)
-        self._battery: float | None = None
+        self.battery: float | None = None  # percent: of two alike the fuller one gives way
         self._yaw = 0.0
         self._seen = 0.0
         self._velocity = MeasuredVelocity()
@@ -185,6 +181,16 @@ class SeparationKeeper:
         """Why the robot does not go as it was asked; empty while it does."""
         return self._notice.cause
 
+    def configure(self, config: AdapterConfig, limits: Limits) -> None:
+        """Keep the others away by another configuration from the next look on."""
+        separation = config.separation.over(self._usual)
+        self._radius = separation.radius or 1.0
+        self._braking = separation.braking or 0.5
+        self._rank = float(separation.precedence or 0)
+        self._fastest = max(limits.speed or NO_LIMIT, limits.vertical_speed or 0.0)
+        soon = self._fastest * 2 * STALE
+        self._reach = self._radius + stopping(self._fastest, self._braking) + soon
+
     @property
     def is_judged(self) -> bool:
         """True when the robot is placed, and has others to be kept apart from."""
@@ -196,10 +202,6 @@ class SeparationKeeper:
         """Take the place on Earth of the origin of the robot's world; None while nobody knows it."""
         if world is not None and self._start is None:
             self.placement, self.on_earth = self.others.place(world), True
-
-    def charged(self, percent: float | None) -> None:
-        """Take how full its battery is: of two alike the fuller one gives way."""
-        self._battery = percent
 
     def see(self, pose: Pose) -> None:
         """Take where the robot is in its own world."""
@@ -251,7 +253,7 @@ class SeparationKeeper:
             turn,
             self._clock.monotonic() - self._seen,
             self._mover.in_motion,
-            (self._rank, -100.0 if self._battery is None else -self._battery),
+            (self._rank, -100.0 if self.battery is None else -self.battery),
         )
 
     def _ahead(self) -> tuple[Vector3, ...]:
@@ -338,8 +340,8 @@ class SeparationKeeper:
 
     def look(self) -> None:
         """Look at who is near while something of ours moves the robot; slow it, or end its motion."""
+        self._notice.expire()
         if not self._mover.in_motion:
-            self._notice.expire()
             return
         self._look_around()
         try:
@@ -349,7 +351,6 @@ class SeparationKeeper:
 
     def _keep_apart(self) -> None:
         """Slow the velocity that is held; end a way that its autopilot flies too near another."""
-        self._notice.expire()
         if not self._near:
             return
         doing = self._mover.doing()

@@ -17,7 +17,7 @@ from fleet.host.safety.held_keys import HeldKeys
 from fleet.host.safety.velocity_limits import clamp
 from fleet.model.command import Setpoint
 from fleet.model.geometry import ZERO_VELOCITY, Velocity
-from fleet.robot_config import Limits
+from fleet.robot_config import AdapterConfig, Limits
 from fleet.runtime.exception_barrier import call_guarded
 
 
@@ -52,6 +52,18 @@ class VelocityControl:
         self._keys = HeldKeys() if combines else None
         self._adapter: Adapter[Any] | None = None
         self._wanted = ZERO_VELOCITY  # before the guard had its say
+
+    def configure(self, config: AdapterConfig, limits: Limits) -> None:
+        """Keep other limits from now on; a velocity that is held is held within them at once."""
+        self._limits, self._lease, self.joints.lease = limits, config.setpoint_lease, config.setpoint_lease
+        self._wanted = clamp(self._wanted, limits)
+        try:
+            self.hold_again()
+        except Exception as error:  # noqa: BLE001 - what is held already must not go on beyond the limits
+            self._halt()
+            self.let_go()
+            if not isinstance(error, CommandError | LinkError):
+                self._crashed(error)
 
     @property
     def activity(self) -> str:

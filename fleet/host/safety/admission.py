@@ -15,7 +15,7 @@ from fleet.host.safety.stick_release import StickReleaseInterlock
 from fleet.host.safety.verb_speeds import VerbSpeeds
 from fleet.model.command import RUN_SESSION, Command, JointSetpoint, Origin, Setpoint
 from fleet.model.navigation import Control, Navigate
-from fleet.robot_config import AdapterConfig
+from fleet.robot_config import AdapterConfig, Limits
 from fleet.wire.envelope import LONGEST_NAME
 from fleet.wire.stops import STOP_WORDS
 
@@ -29,9 +29,7 @@ class Admission:
     def __init__(
         self, config: AdapterConfig, clock: Clock, latch: EmergencyStopLatch, speeds: VerbSpeeds
     ) -> None:
-        self._max_age, self._command_max_age = config.max_age, config.command_max_age
         self._clock = clock
-        self._policy = SourcePolicy(config.accepts, simulated=config.simulated)
         self._ages = AgeCheck(config.clock_skew)
         self.offsets = self._ages.offsets  # of the senders' clocks, s
         self.latch = latch
@@ -39,6 +37,14 @@ class Admission:
         self.fault = ""  # the robot's own latched fault, in its words
         self.lease = ControlLease(config.control_lease)
         self._let_go = StickReleaseInterlock(config.setpoint_lease)
+        self.configure(config)
+
+    def configure(self, config: AdapterConfig, limits: Limits | None = None) -> None:  # noqa: ARG002 - of others
+        """Judge by another configuration from now on; what is known of stops and senders stays."""
+        self._max_age, self._command_max_age = config.max_age, config.command_max_age
+        self._policy = SourcePolicy(config.accepts, simulated=config.simulated)
+        self.lease.seconds = config.control_lease
+        self._let_go.pause = config.setpoint_lease
 
     def stopped(self, ask: Command) -> None:
         """Take note of a stop: its asker lets go of the robot, and what he asked before it is late.
@@ -141,8 +147,9 @@ class Admission:
             return late
         # Asked before the latch, behind which a stick that is held would pass for one that is let go.
         holds = self._let_go.refusal(asker, now, zero=zero)
-        refusal = self.motion() or holds or self._turn(ask.origin)
+        refusal = self.motion() or holds or self.lease.refusal(ask.origin.session, now)
         if refusal is None:
+            self._take(ask.origin)
             self._let_go.drove(asker, now)
         return refusal
 
@@ -199,13 +206,6 @@ class Admission:
     def _setpoint_age(self, ask: Setpoint | JointSetpoint) -> str | None:
         """Judge the age of one of a stream; asking twice of one gives one answer."""
         return self._age(_asker(ask.origin), ask.stamp, self._max_age, ordered=True)
-
-    def _turn(self, origin: Origin) -> str | None:
-        """Judge whose turn it is, and give the robot to the asker when it is his."""
-        refusal = self.lease.refusal(origin.session, self._clock.monotonic())
-        if refusal is None:
-            self._take(origin)
-        return refusal
 
     def _take(self, origin: Origin) -> None:
         """Give the robot to an asker."""

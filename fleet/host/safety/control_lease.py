@@ -17,7 +17,7 @@ class ControlLease:
     """
 
     def __init__(self, seconds: float) -> None:
-        self._seconds = seconds
+        self.seconds = seconds
         self._holder = ""
         self._until = float("-inf")
         self.run = ""
@@ -39,10 +39,14 @@ class ControlLease:
         """Return the session that has the robot now, empty when none has; a run of a mission is ``run``."""
         return self._holder if now < self._until and not self.run else ""
 
+    def control(self, now: float) -> str:
+        """Return who has control now, in words; empty while nobody has."""
+        return f"{self._holder or 'an operator'} has control" if now < self._until else ""
+
     def take(self, session: str, now: float) -> None:
         """Give the robot to this session from now on."""
         self._holder = session
-        self._until = now + self._seconds
+        self._until = now + self.seconds
 
     def join(self, run: str, now: float) -> str | None:
         """Give the robot to a run of a mission until it leaves; return why not, None when it is given."""

@@ -19,8 +19,10 @@ class SourcePolicy:
     """The two sets of one robot."""
 
     def __init__(self, accepts: Accepts, *, simulated: bool) -> None:
-        self.command: frozenset[str] = accepts.command or (SIMULATED if simulated else REAL_COMMAND)
-        self.navigate: frozenset[str] = accepts.navigate or (SIMULATED if simulated else REAL_NAVIGATE)
+        command, navigate = (SIMULATED, SIMULATED) if simulated else (REAL_COMMAND, REAL_NAVIGATE)
+        # An empty list is no default: it lets nobody in.
+        self.command: frozenset[str] = command if accepts.command is None else accepts.command
+        self.navigate: frozenset[str] = navigate if accepts.navigate is None else accepts.navigate
         self.mission: frozenset[str] = accepts.mission or frozenset()
 
     def refusal(self, origin: Origin, *, navigation: bool = False) -> str | None:

@@ -16,7 +16,7 @@ class StickReleaseInterlock:
     """
 
     def __init__(self, pause: float) -> None:
-        self._pause = pause
+        self.pause = pause
         self._last: dict[str, float] = {}  # by driver, when his last velocity came, obeyed or not
         self._stopped: set[str] = set()
 
@@ -36,14 +36,14 @@ class StickReleaseInterlock:
         """Return why this driver's velocity is not obeyed, None when it is."""
         if driver not in self._stopped:
             return None
-        if zero or now - self._last[driver] >= self._pause:
+        if zero or now - self._last[driver] >= self.pause:
             self._stopped.remove(driver)
             return None
         self._last[driver] = now
-        pause = f"{self._pause:g} s without a velocity, or one of zero"
+        pause = f"{self.pause:g} s without a velocity, or one of zero"
         return f"somebody else stopped it: let go ({pause}), then drive again"
 
     def _forget(self, now: float) -> None:
         """Forget who does not drive any more."""
-        self._last = {each: at for each, at in self._last.items() if now - at < self._pause}
+        self._last = {each: at for each, at in self._last.items() if now - at < self.pause}
         self._stopped &= self._last.keys()

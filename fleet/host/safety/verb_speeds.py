@@ -10,7 +10,7 @@ from __future__ import annotations
 import msgspec
 
 from fleet.model.command import Command
-from fleet.robot_config import Limits
+from fleet.robot_config import AdapterConfig, Limits
 from fleet.wire.commands import SETTINGS, MotionDefaults
 
 VERB_SPEED = 0.5  # m/s, and rad/s: what a verb means that says no magnitude, where nothing was set
@@ -31,6 +31,12 @@ class VerbSpeeds:
         self._limits = limits
         self._plain = self._defaults(None, None)
         self._setting: _Setting | None = None
+
+    def configure(self, _config: AdapterConfig, limits: Limits) -> None:
+        """Keep other limits from now on; what was set is forgotten."""
+        self._limits = limits
+        self._plain = self._defaults(None, None)
+        self.forget()
 
     def of(self, session: str) -> MotionDefaults:
         """Return the magnitudes for a session's verbs that bring none."""

@@ -1,4 +1,4 @@
-"""A changed drop-in file, taken into use on request: its worker ends in order and is started again.
+"""A changed drop-in file or configuration, taken into use on request: the worker ends, and is started again.
 
 Python cannot forget a module that is in use, so what is reloaded is the process. It goes on with the old file
 for as long as one of its robots moves or is commanded, and when the new one cannot be used.
@@ -15,9 +15,9 @@ import msgspec
 
 from fleet.bus.zenoh_session import Query
 from fleet.host.robot.local_robot import LocalRobot
+from fleet.host.robot.rest import not_resting
 from fleet.host.workers.worker_task import RobotTask, WorkerTask
 from fleet.model.command import Reply, ReplyStatus
-from fleet.model.state import RobotState
 from fleet.plugins.drop_in_file import insecure
 from fleet.plugins.probe import ConfigCase, Probe, ProbeError, ProblemPlace
 
@@ -25,7 +25,6 @@ log = logging.getLogger(__name__)
 
 RELOADED = 75  # exit code of a worker that is to be started again at once
 NAME = "reload"
-STILL = 0.05  # m/s: slower is noise of what a robot tells
 _LONGEST_NAME = 200  # bytes
 
 
@@ -52,7 +51,7 @@ class Reload:
         self._under_way: asyncio.Task[None] | None = None
 
     def asked(self, question: Query) -> None:
-        """Take a request, which names an adapter; from any thread."""
+        """Take a request, which names an adapter, or none for another configuration; from any thread."""
         self._loop.call_soon_threadsafe(self._begin, question)
 
     def _begin(self, question: Query) -> None:
@@ -64,48 +63,42 @@ class Reload:
     async def _carry_out(self, question: Query) -> None:
         """Answer a request, and end the worker when nothing speaks against it."""
         name = question.payload[:_LONGEST_NAME].decode("utf-8", "replace")
+        forced = question.parameters.get("force") == "1"
         try:
-            refusal = await self.refusal(name)
+            refusal = await (self.refusal(name, forced=forced) if name else self.hindrance(forced=forced))
         except Exception as error:  # a bug here must not end the worker; whoever asks waits
             log.exception("the reload of %s failed", name)
             refusal = f"the reload failed: {error}"
         if not refusal:
-            log.info("worker %s: reloads the drop-in file of %s", self._task.worker, name)
+            what = f"the drop-in file of {name}" if name else "its configuration"
+            log.info("worker %s: reloads %s", self._task.worker, what)
             self.reloaded = True
             self._end()
         _answer(question, refusal)
 
-    async def refusal(self, adapter: str) -> str:
+    async def hindrance(self, *, forced: bool) -> str:
+        """Return why the worker cannot be started again with another configuration; empty when it can."""
+        if self._by_hand:
+            return f"worker {self._task.worker} was started by hand: end it, and start it with the new file"
+        return "" if forced else self._not_resting()
+
+    async def refusal(self, adapter: str, *, forced: bool = False) -> str:
         """Return why the file of an adapter cannot be reloaded now; empty when it can."""
         meant = [task for task in self._task.robots if task.adapter == adapter and task.file]
         if not meant:
             return f"worker {self._task.worker} runs no drop-in file with the adapter {adapter!r}"
         if self._by_hand:
             return f"worker {self._task.worker} was started by hand: end it and start it again"
-        moving = self._not_resting()
+        moving = "" if forced else self._not_resting()
         if moving:
             return moving
         flaw = await asyncio.to_thread(flaw_of, meant, self._task.folder)
         # What was asked of a robot while the file was tried counts; nothing comes between this and the end.
-        return flaw or self._not_resting()
+        return flaw or ("" if forced else self._not_resting())
 
     def _not_resting(self) -> str:
         """Return which robot of this worker, whatever its adapter, does not rest."""
-        return next(filter(None, (not_resting(robot.state(), robot) for robot in self._robots())), "")
-
-
-def not_resting(state: RobotState, robot: LocalRobot) -> str:
-    """Return what a robot does that its worker's end would cut off; empty for one that rests."""
-    controller = robot.controller
-    if controller.in_motion:
-        return f"{state.name} is commanded ({controller.activity or 'moving'}); stop it first"
-    if controller.may_be_moving:
-        return f"{state.name} was lost in motion and may still move"
-    if state.armed:
-        return f"{state.name} is armed; disarm it first"
-    if state.speed is not None and state.speed > STILL:
-        return f"{state.name} moves at {state.speed:.2f} m/s"
-    return ""
+        return next(filter(None, map(not_resting, self._robots())), "")
 
 
 def flaw_of(robots: Iterable[RobotTask], folder: str) -> str:

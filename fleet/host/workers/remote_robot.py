@@ -87,6 +87,10 @@ class RemoteRobot:
         control.answer(keys.state(edge, self.name), self._state_asked)
         control.watch_tokens(keys.robot(edge, self.name), self._came_or_went)
 
+    def configure(self, config: AdapterConfig) -> None:
+        """Take over what its worker runs with from now on."""
+        self._config = config
+
     @property
     def in_use(self) -> bool:
         """True once somebody has moved it through this edge, as its worker says."""

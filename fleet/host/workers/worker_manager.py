@@ -31,7 +31,7 @@ START_WITHIN = 60.0  # s from the start of the process to its first beat; an ove
 SILENT_AFTER = 1.5  # s without a beat after which a worker counts as hung
 LOOK = 0.25  # s between looks
 HALT_WITHIN = 0.5  # s that a worker that hangs gets to halt its robots before it is killed
-_RELOADS = "starts again with a changed drop-in file"
+_RELOADS = "starts again with what was changed"
 LEAVE_WITHIN = 10.0  # s that a worker gets to stop its robots and end
 STABLE_AFTER = 30.0  # s of life after which the next restart is quick again
 
@@ -64,11 +64,17 @@ class WorkerManager:
         self._clock = clock
         self._told = told
         self._halt = halt
+        self.started = 0  # processes that came up, one after the other
         self._beat = 0.0
         self._gone = asyncio.Event()
         self._loop = asyncio.get_running_loop()
         control.subscribe(keys.heartbeat(edge, name), self._beaten)
         control.watch_tokens(keys.worker(edge, name), self._token_changed)
+
+    def replace(self, task: bytes) -> bytes:
+        """Have the next process run another task; return the one before."""
+        before, self._task = self._task, task
+        return before
 
     async def run(self) -> None:
         """Keep the worker running until cancelled."""
@@ -129,6 +135,7 @@ class WorkerManager:
             now = self._clock.monotonic()
             if self._beat and not running:
                 running = True
+                self.started += 1
                 self._told(self.name, "")
             if now - looked > 2 * LOOK:
                 # We were asleep ourselves; what came meanwhile may not have been taken in yet.

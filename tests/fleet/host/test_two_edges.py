@@ -79,7 +79,7 @@ async def test_two_edges_that_start_at_any_offset_never_run_a_robot_together(two
     both = []
 
     def runs(edge):
-        return bool({"rex", "again"} & edge.process._tasks.keys())
+        return bool({"rex", "again"} & edge.process.runs.tasks.keys())
 
     async def watch(edges):
         while True:

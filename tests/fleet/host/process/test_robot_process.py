@@ -253,7 +253,7 @@ async def test_what_waited_too_long_for_the_loop_is_refused_but_a_stop(served, k
     robot = process.robots["rex"]
     answers = []
     take = robot.read(kind, json.dumps(message).encode(), way=Transport.BUS)
-    robot._clock = ManualClock(monotonic=robot._clock.monotonic() + waited)
+    robot.clock = ManualClock(monotonic=robot.clock.monotonic() + waited)
     take(answers.append)
     late = [answer for answer in answers if "held up" in answer.reason]
     assert bool(late) is not taken

@@ -64,7 +64,7 @@ async def test_an_undeclared_command_is_refused_with_the_nearest(bench, asks):
 
 async def test_what_this_robot_lacks_is_refused_with_the_reason_and_its_drive_goes_on(bench, asks):
     lacking = {"takeoff": "it has wheels", "move_backward": "it has no reverse", "goto": "it knows no place"}
-    bench.controller._can = msgspec.structs.replace(bench.controller._can, lacking=lacking)
+    bench.controller.can = msgspec.structs.replace(bench.controller.can, lacking=lacking)
     bench.ask(asks.setpoint(1.0))
     (takeoff,) = bench.ask(asks.command("takeoff"))
     (back,) = bench.ask(asks.setpoint(-1.0))

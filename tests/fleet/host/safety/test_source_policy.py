@@ -33,6 +33,11 @@ def test_the_configuration_replaces_the_set():
     assert accepted(policy, navigation=False) == {"edge"}
 
 
+def test_an_empty_list_lets_nobody_in():
+    policy = SourcePolicy(Accepts(command=frozenset(), navigate=frozenset()), simulated=False)
+    assert accepted(policy, navigation=False) == accepted(policy, navigation=True) == set()
+
+
 def test_a_local_program_needs_no_source_type_but_a_wrong_one_is_refused():
     policy = SourcePolicy(Accepts(), simulated=False)
     assert policy.refusal(Origin(Transport.BUS)) is None

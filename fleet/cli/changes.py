@@ -1,0 +1,144 @@
+"""``fleet diff`` and ``fleet apply``: a changed fleet file, and the edge that runs with the one before."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from pathlib import Path
+
+import click
+import msgspec
+
+from fleet.bus import keys
+from fleet.cli.output import ExitCode, Output, counted, with_output
+from fleet.cli.times import when
+from fleet.client.edges import Edges
+from fleet.client.local_user import local_user
+from fleet.config.difference import Outline, difference, not_shown, outline_of
+from fleet.config.load import load
+from fleet.errors import NotRunning, Refused, TimedOut
+from fleet.host.edge.last_configuration import last_configuration
+from fleet.model.change import Change, ChangeKind, ChangesAnswer, ChangesAsked, Outcome
+from fleet.spool.state_folder import state_folder
+
+LOOK_WITHIN = 60.0  # s: the file is read, and each drop-in file is asked by a process of its own
+APPLY_WITHIN = 1800.0  # s: each robot may take half a minute to be back
+
+_SAID = {
+    Outcome.PLANNED: "",
+    Outcome.DONE: "done",
+    Outcome.PARTLY: "partly done",
+    Outcome.REFUSED: "refused",
+    Outcome.FAILED: "failed",
+}
+
+file_argument = click.argument("file", default="fleet.yaml", type=click.Path())
+
+
+@click.command()
+@file_argument
+@with_output
+def diff(out: Output, file: str) -> ExitCode:
+    """Show what FILE (fleet.yaml when left out) would change in the edge that runs with it.
+
+    Each robot on one line: rebuilt, settings only, added, removed, untouched; what needs a restart, and what
+    would be refused now, with the reason. Secrets are masked. An edge that does not run is compared with what
+    it last ran with. Exit code 0: the same, 7: different.
+    """
+    loaded = load(file)
+    outline = outline_of(loaded)
+    answer = _asked(outline.edge, file, ChangesAsked(file=str(Path(file).resolve())), LOOK_WITHIN)
+    if answer is None:
+        folder = state_folder(outline.edge, loaded.config.edge.spool.path)
+        changes = _since_the_last_run(out, outline, folder)
+    else:
+        changes = answer.changes
+    _show(out, changes)
+    same = all(change.kind is ChangeKind.UNTOUCHED for change in changes)
+    return ExitCode.OK if same else ExitCode.SOME_FAILED
+
+
+@click.command()
+@file_argument
+@click.option("--force", is_flag=True, help="Also rebuild robots that move, after they were stopped.")
+@with_output
+def apply(out: Output, file: str, *, force: bool) -> ExitCode:
+    """Have the edge that runs with FILE (fleet.yaml when left out) read it again and take it over.
+
+    Robot by robot; the others go on. A robot that is commanded, armed or moves, or that somebody controls, is
+    not rebuilt; of its settings only what is stricter is taken over. What fails is taken back for that robot.
+    Exit code 0: all is taken over, 5: nothing, 7: a part; fleet diff shows what is left.
+    """
+    edge = load(file).config.edge.id
+    asked = ChangesAsked("apply", force, local_user(), str(Path(file).resolve()))
+    answer = _asked(edge, file, asked, APPLY_WITHIN)
+    if answer is None:
+        raise NotRunning(f"edge {edge} does not run; fleet run {file} starts it with this file")
+    _show(out, answer.changes)
+    return _code(answer.changes)
+
+
+def _code(changes: Iterable[Change]) -> ExitCode:
+    """Return what came of all changes together."""
+    asked = [change for change in changes if change.kind is not ChangeKind.UNTOUCHED]
+    done = [change for change in asked if change.outcome is Outcome.DONE]
+    if len(done) == len(asked):
+        return ExitCode.OK
+    partly = done or any(change.outcome is Outcome.PARTLY for change in asked)
+    return ExitCode.SOME_FAILED if partly else ExitCode.REJECTED
+
+
+def _asked(edge: str, file: str, asked: ChangesAsked, within: float) -> ChangesAnswer | None:
+    """Return what a running edge answers, None when it does not run; raises Refused and TimedOut."""
+    try:
+        edges = Edges.reach(file)
+    except NotRunning:
+        return None
+    with edges:
+        try:
+            answer = edges.one(keys.changes(edge), ChangesAnswer, asked, within=within)
+        except TimedOut as error:
+            version = next((state.version for state in edges.edges() if state.edge == edge), "")
+            older = (
+                f": it runs fleet {version}; if that is older, restart it with this one" if version else ""
+            )
+            raise TimedOut(f"edge {edge} does not say what it runs with{older}") from error
+    if answer.refusal:
+        raise Refused("; ".join((f"edge {edge}: {answer.refusal}", *answer.problems)))
+    return answer
+
+
+def _since_the_last_run(out: Output, outline: Outline, folder: Path) -> tuple[Change, ...]:
+    """Return what has changed since an edge that is stopped last ran; raises NotRunning, StateError."""
+    last = last_configuration(folder)
+    if last is None:
+        raise NotRunning(
+            f"edge {outline.edge} does not run, and has left nothing to compare with in {folder}"
+        )
+    out.note(
+        f"edge {outline.edge} does not run; compared with what it last ran with, since {when(last.stamp)}"
+    )
+    now = outline.digest(last.key.encode())
+    return difference(last.outline, now, not_shown)
+
+
+def _show(out: Output, changes: Iterable[Change]) -> None:
+    """Show changes, each on one line; robots that stay as they are together."""
+    changes = tuple(changes)
+    out.data([msgspec.to_builtins(change) for change in changes])
+    for change in changes:
+        if change.kind is not ChangeKind.UNTOUCHED:
+            out.say(line_of(change))
+    kept = [change.name for change in changes if change.kind is ChangeKind.UNTOUCHED]
+    if kept:
+        out.say(f"untouched: {counted(len(kept), 'robot')}: {', '.join(kept)}")
+
+
+def line_of(change: Change) -> str:
+    """Return a change in words."""
+    words = f"{change.name}: {change.kind.value}"
+    if change.fields:
+        words += f" because of {'; '.join(change.fields)}"
+    said = _SAID[change.outcome]
+    if change.why and not said:
+        said = "needs one" if change.kind is ChangeKind.RESTART else "refused now"
+    return f"{words} [{said}{': ' if change.why else ''}{change.why}]" if said else words

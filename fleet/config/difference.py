@@ -1,0 +1,251 @@
+"""Two loaded fleet files to what differs between them, robot by robot. Pure.
+
+A file is compared by its ``Outline``: every field that counts, as text. ``SECTIONS`` and ``FIELDS`` are the
+tables of what a running edge can take over, and what needs its next start, and why.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import hmac
+import json
+from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Set as AbstractSet
+from pathlib import PurePath
+from typing import Any
+
+import msgspec
+from pydantic import BaseModel, SecretStr
+
+from fleet.adapter import Adapter
+from fleet.config.load import Loaded
+from fleet.config.masking import MASK, Masking
+from fleet.config.problems import is_secret
+from fleet.model.change import Change, ChangeKind
+from fleet.plugins.registry import Plugin
+from fleet.robot_config import AdapterConfig
+
+NAVIGATES = "adapter navigates"
+PLAIN = frozenset({NAVIGATES, "twin"})
+"""Fields whose values are kept as they are: what is done about the others depends on them."""
+LONGEST = 60  # characters of a value that are shown
+
+SECTIONS: Mapping[str, str] = {
+    "edge": "its id is in every key of the bus and in the path of its state; spool and history are open",
+    "cloud": "the connection is opened with it, and what waits to be sent belongs to it",
+    "bus": "the sessions and their access rules are fixed when they are opened",
+    "site": "the robots are placed in its frame",
+    "metrics": "its port is opened at the start",
+    "console": "its process is started with the edge",
+    "record": "its process is started with the edge",
+    "plugins": "adapters are looked for at the start; fleet adapters reload takes a changed file into use",
+    "remote_workers": "they are started by hand, with a copy of the file",
+    "groups": "workers, missions and stop inputs have them",
+    "missions": "runs and schedules refer to them",
+    "events": "missions wait for them",
+    "schedules": "their next firing is on disk",
+    "partners": "the runs of other edges refer to them",
+    "places": "runs hold them",
+    "stop_inputs": "their devices are opened at the start, and hold the robots",
+    "notify": "its programs and addresses are opened at the start",
+}
+"""Why each section is taken over by the next start only. ``defaults`` has no line: robots say it."""
+
+LED = frozenset({"fence", "limits"})
+"""Of these, what an adapter has too that leads its robot to goals by itself: then it is rebuilt at rest."""
+
+SETTINGS = frozenset({"accepts", "battery_policy", "fence", "limits", "separation"})
+"""Fields of a robot that its host takes over while the adapter goes on: stricter at once, looser at rest."""
+
+FIELDS: Mapping[str, str] = {
+    "twin": "other edges know it by the claim on its twin",
+    "worker": "it moves to another process",
+    "adapter": "another kind of robot has other commands",
+    "clock_skew": "the clocks of senders are measured with it",
+    "follows": "its leader is subscribed to at the start",
+    "origin": "the robot is placed in the site's frame by it",
+    "start": "it says where the robot stands when the edge starts",
+    "role": "its reports carry it to the cloud",
+    "simulated": "its reports carry it to the cloud",
+    "legacy_status": "the bridge to the cloud has it",
+    "rotation_order": "requests that wait are read by it",
+    "rules": "the bridge to the cloud has it",
+    "inbound": "the bridge to the cloud has it",
+}
+"""Fields of a robot that only the next start takes over, and why; any other rebuilds the robot."""
+
+ADDED = "the edge shows its robots on the bus and in the cloud when it starts"
+REMOVED = "the edge lets go of its robots when it ends"
+
+
+class Outline(msgspec.Struct, frozen=True):
+    """A fleet file, as it is compared: sections, and the fields of robots by dotted name, as JSON."""
+
+    edge: str
+    sections: Mapping[str, Mapping[str, str]]
+    robots: Mapping[str, Mapping[str, str]]
+
+    def digest(self, key: bytes) -> Outline:
+        """Return the same with a keyed digest in the place of every value but those of ``PLAIN``."""
+
+        def hidden(fields: Mapping[str, str]) -> dict[str, str]:
+            return {name: value if name in PLAIN else _digest(key, value) for name, value in fields.items()}
+
+        return Outline(
+            self.edge,
+            {name: hidden(fields) for name, fields in self.sections.items()},
+            {name: hidden(fields) for name, fields in self.robots.items()},
+        )
+
+
+def outline_of(loaded: Loaded) -> Outline:
+    """Return what is compared of a loaded fleet file."""
+    config = loaded.config
+    sections = {name: flat(getattr(config, name)) for name in SECTIONS}
+    sections["missions"] = {mission.name: _text(mission.data) for mission in loaded.missions}
+    robots = {robot.name: _robot(robot, plugin, loaded.given[robot.name]) for robot, plugin in loaded.robots}
+    return Outline(config.edge.id, sections, robots)
+
+
+def _robot(config: AdapterConfig, plugin: Plugin, given: str) -> dict[str, str]:
+    """Return the fields of a robot: the host's, the adapter's own, and where its code comes from."""
+    fields = {**json.loads(given), **dict(config), "adapter": plugin.name, "simulated": config.simulated}
+    fields[NAVIGATES] = _navigates(plugin)
+    if plugin.file is not None:
+        fields["adapter file"] = str(plugin.file)
+    fields.pop("is_simulated", None)
+    return flat(fields)
+
+
+def _navigates(plugin: Plugin) -> bool:
+    """Return whether the adapter leads its robot to goals by itself."""
+    if plugin.description is not None:
+        return plugin.description.navigates
+    kind = plugin.adapter
+    return kind is not None and issubclass(kind, Adapter) and kind.navigates()
+
+
+def flat(value: Any) -> dict[str, str]:
+    """Return a value by dotted names; what is empty or left out has none, so that both mean the same."""
+    found: dict[str, str] = {}
+    _flatten("", value, found)
+    return found
+
+
+def _flatten(at: str, value: Any, found: dict[str, str]) -> None:
+    """Add a value to what was found."""
+    if isinstance(value, BaseModel):
+        value = dict(value)
+    if isinstance(value, Mapping):
+        for key, part in value.items():
+            _flatten(f"{at}.{key}" if at else str(key), part, found)
+    elif value is not None:
+        found[at] = _text(value)
+
+
+def _text(value: Any) -> str:
+    """Return a value as JSON that is the same for the same value, secrets included."""
+    return json.dumps(value, default=_plain, sort_keys=True, ensure_ascii=False)
+
+
+def _plain(value: Any) -> Any:
+    """Return what JSON has no form for."""
+    if isinstance(value, SecretStr):
+        return value.get_secret_value()
+    if isinstance(value, BaseModel):
+        return dict(value)
+    if isinstance(value, frozenset | set):
+        return sorted(value, key=str)
+    return str(value) if isinstance(value, PurePath) or not hasattr(value, "__dict__") else repr(value)
+
+
+def _digest(key: bytes, value: str) -> str:
+    return hmac.new(key, value.encode(), hashlib.sha256).hexdigest()
+
+
+def difference(old: Outline, new: Outline, shown: Callable[[str, str], str]) -> tuple[Change, ...]:
+    """Return what differs, each robot of either file once and then each section that differs.
+
+    ``shown`` writes the value (JSON) of a field for people, without secrets.
+    """
+    names = [*new.robots, *(name for name in old.robots if name not in new.robots)]
+    robots = [_robot_change(name, old.robots.get(name), new.robots.get(name), shown) for name in names]
+    known = dict.fromkeys((*old.sections, *new.sections))
+    sections = [
+        Change(name, ChangeKind.RESTART, fields, SECTIONS.get(name, "a newer fleet has it"), section=True)
+        for name in known
+        if (fields := _fields(old.sections.get(name, {}), new.sections.get(name, {}), shown))
+    ]
+    return (*robots, *sections)
+
+
+def _robot_change(
+    name: str,
+    old: Mapping[str, str] | None,
+    new: Mapping[str, str] | None,
+    shown: Callable[[str, str], str],
+) -> Change:
+    """Return what becomes of one robot."""
+    if new is None:
+        return Change(name, ChangeKind.REMOVED, why=REMOVED)
+    if old is None:
+        return Change(name, ChangeKind.ADDED, why=ADDED)
+    fields = _fields(old, new, shown)
+    kind, why = _judged({field.split(".")[0] for field in changed(old, new)}, old.get(NAVIGATES) == "true")
+    return Change(name, kind, fields, why)
+
+
+def _judged(fields: AbstractSet[str], navigates: bool) -> tuple[ChangeKind, str]:  # noqa: FBT001 - by position
+    """Return what the change of some fields of a robot means, and why it needs a restart."""
+    why = "; ".join(f"{field}: {FIELDS[field]}" for field in sorted(fields & FIELDS.keys()))
+    if why:
+        return ChangeKind.RESTART, why
+    if fields - SETTINGS or (navigates and fields & LED):
+        return ChangeKind.REBUILT, ""
+    return (ChangeKind.SETTINGS if fields else ChangeKind.UNTOUCHED), ""
+
+
+def changed(old: Mapping[str, str], new: Mapping[str, str]) -> list[str]:
+    """Return the names of the fields that differ, sorted."""
+    return sorted(name for name in {*old, *new} if old.get(name) != new.get(name))
+
+
+def _fields(
+    old: Mapping[str, str], new: Mapping[str, str], shown: Callable[[str, str], str]
+) -> tuple[str, ...]:
+    """Return the fields that differ, for people."""
+    return tuple(_line(name, old.get(name), new.get(name), shown) for name in changed(old, new))
+
+
+def _line(name: str, old: str | None, new: str | None, shown: Callable[[str, str], str]) -> str:
+    """Return one field that differs: what it was and what it is."""
+    told = [value and shown(name, value) for value in (old, new)]
+    if not any(told):
+        return name
+    return f"{name}: {told[0] or 'none'} -> {told[1] or 'none'}"
+
+
+def shown_by(secrets: Iterable[str]) -> Callable[[str, str], str]:
+    """Return what shows values for people, without these secrets and without those of secret fields."""
+    masking = Masking(secrets)
+
+    def shown(name: str, value: str) -> str:
+        if any(is_secret(part) for part in name.split(".")):
+            return MASK
+        text = masking.text(value)
+        text = text[1:-1] if text.startswith('"') else text
+        return text if len(text) <= LONGEST else f"{text[: LONGEST - 3]}..."
+
+    return shown
+
+
+def not_shown(_name: str, _value: str) -> str:
+    """Show no value: only digests are known."""
+    return ""
+
+
+def renamed(old: Outline, new: Outline) -> dict[str, str]:
+    """Return the robots of the new file that had another name in the old one, by their twin: new to old."""
+    before = {fields.get("twin"): name for name, fields in old.robots.items()}
+    names = {name: before.get(fields.get("twin"), name) for name, fields in new.robots.items()}
+    return {name: was for name, was in names.items() if was != name}

@@ -1,0 +1,274 @@
+"""A changed fleet.yaml, taken over by the running edge: robot by robot, and what fails is taken back.
+
+The edge reads its own file again; nothing of a configuration comes over the bus. What needs a restart is only
+told (``fleet.config.difference``). Docs: docs/adr/0020-changes-of-a-running-edge.md.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+from collections.abc import Callable, Iterable, Mapping
+from pathlib import Path
+
+import msgspec
+
+from fleet.bus import keys
+from fleet.bus.zenoh_session import Query, ZenohSession
+from fleet.clock import Clock
+from fleet.config.difference import SETTINGS, difference, outline_of, shown_by
+from fleet.config.explain import checked
+from fleet.config.load import Loaded, load
+from fleet.config.problems import InvalidConfig
+from fleet.errors import FleetError, StateError
+from fleet.host.edge.last_configuration import keep
+from fleet.host.process.rebuild import rebuild
+from fleet.host.process.robot_process import RobotProcess
+from fleet.host.robot.local_robot import LocalRobot
+from fleet.host.robot.rest import not_resting
+from fleet.host.safety.stricter import as_strict_as_both, holds_alike
+from fleet.host.workers.remote_robot import RemoteRobot
+from fleet.host.workers.worker_changes import WorkerChanges
+from fleet.model.change import FORMAT, Change, ChangeKind, ChangesAnswer, ChangesAsked, Outcome
+from fleet.model.command import Transport
+from fleet.model.event import EventKind, EventReport, Requester, Severity
+from fleet.robot_config import AdapterConfig
+from fleet.runtime.decoding import decode_json
+
+log = logging.getLogger(__name__)
+
+LIVE = frozenset({ChangeKind.SETTINGS, ChangeKind.REBUILT})
+WAITS = "what is stricter holds from now on; the rest waits until it rests: {}"
+
+
+class Changes:
+    """What one edge runs with, and its changes; on the loop.
+
+    ``configured`` hear what the edge runs with after each change.
+    """
+
+    def __init__(
+        self,
+        loaded: Loaded,
+        process: RobotProcess,
+        remote: Mapping[str, RemoteRobot],
+        workers: WorkerChanges,
+        *,
+        folder: Path,
+        configured: Iterable[Callable[[Loaded], None]],
+    ) -> None:
+        self._running = loaded
+        self._process, self._remote, self._workers = process, remote, workers
+        self._folder, self._configured = folder, tuple(configured)
+        self._clock: Clock = process.clock
+        self._under_way: asyncio.Task[None] | None = None
+
+    def declare(self, control: ZenohSession) -> None:
+        """Take what is asked on the bus."""
+        control.answer(keys.changes(self._process.edge), self._asked)
+
+    async def begin(self) -> None:
+        """Write what the edge runs with to its disk."""
+        await self._keep()
+
+    async def close(self) -> None:
+        """End a change that is under way: the edge ends, and its next start reads the file."""
+        if self._under_way is not None:
+            self._under_way.cancel()
+            await asyncio.wait({self._under_way})
+
+    def _asked(self, question: Query) -> None:
+        """Take a question; on the bus's thread."""
+        self._process.loop.call_soon_threadsafe(self._begin, question)
+
+    def _begin(self, question: Query) -> None:
+        """Answer one question at a time."""
+        if self._under_way is not None and not self._under_way.done():
+            _answer(question, ChangesAnswer(refusal="another change is under way; wait for its end"))
+        else:
+            self._under_way = asyncio.create_task(self._carry_out(question), name="changes")
+
+    async def _carry_out(self, question: Query) -> None:
+        """Do what is asked, and answer."""
+        try:
+            asked = decode_json(question.payload, ChangesAsked)
+            answer = await self._answer_to(asked)
+        except msgspec.DecodeError as error:
+            answer = ChangesAnswer(refusal=f"what is asked cannot be read: {error}")
+        except Exception as error:  # whoever asks waits; the edge goes on
+            log.exception("a change of the configuration failed")
+            answer = ChangesAnswer(refusal=f"the change failed: {type(error).__name__}: {error}")
+        _answer(question, answer)
+
+    async def _answer_to(self, asked: ChangesAsked) -> ChangesAnswer:
+        """Return what has changed, and with ``apply`` what came of it."""
+        if asked.format > FORMAT:
+            return ChangesAnswer(
+                refusal=f"this edge reads format {FORMAT} of it, not {asked.format}: update it"
+            )
+        file = str(self._running.file.resolve())
+        if asked.file not in {"", file}:
+            return ChangesAnswer((), file, f"this edge reads {file}, not {asked.file}")
+        try:
+            new = await asyncio.to_thread(load, self._running.file)
+        except InvalidConfig as error:
+            problems = tuple(map(str, error.problems))
+            return ChangesAnswer((), file, f"{file} cannot be used; nothing was changed", problems)
+        except FleetError as error:
+            return ChangesAnswer((), file, f"{file} cannot be used; nothing was changed: {error}")
+        secrets = self._running.secrets | new.secrets
+        found = difference(outline_of(self._running), outline_of(new), shown_by(secrets))
+        if asked.do == "diff":
+            return ChangesAnswer(tuple(map(self._judged, found)), file)
+        changes = await self._apply(found, new, asked)
+        await self._keep()
+        return ChangesAnswer(changes, file)
+
+    # -- what would be done ----------------------------------------------------------------------------
+
+    def _judged(self, change: Change) -> Change:
+        """Return a change with why it would be refused now."""
+        return msgspec.structs.replace(change, why=change.why or self._hindrance(change))
+
+    def _hindrance(self, change: Change) -> str:
+        """Return why a robot cannot be changed now; empty when it can."""
+        if change.section or change.kind not in LIVE:
+            return ""
+        here = self._process.robots.get(change.name)
+        if here is not None:
+            return not_resting(here)
+        return self._workers.hindrance(self._remote[change.name].worker)
+
+    # -- doing it --------------------------------------------------------------------------------------
+
+    async def _apply(self, found: Iterable[Change], new: Loaded, asked: ChangesAsked) -> tuple[Change, ...]:
+        """Carry the changes out, one robot or worker after the other."""
+        done: list[Change] = []
+        elsewhere: dict[str, list[Change]] = {}
+        for change in found:
+            if change.section or change.kind not in LIVE:
+                done.append(_left(change))
+            elif change.name in self._process.robots:
+                done.append(await self._here(change, new, asked))
+            else:
+                elsewhere.setdefault(self._remote[change.name].worker, []).append(change)
+        for worker, changes in elsewhere.items():
+            done += await self._elsewhere(worker, changes, new, asked)
+        for change in done:
+            self._record(change, asked)
+        return tuple(done)
+
+    async def _here(self, change: Change, new: Loaded, asked: ChangesAsked) -> Change:
+        """Change a robot of this process."""
+        robot = self._process.robots[change.name]
+        try:
+            config = own_config(robot, new)
+        except Exception as error:  # noqa: BLE001 - the validators are the adapter's own code
+            return _ended(change, Outcome.FAILED, f"its adapter, as it is loaded, refuses it: {error}")
+        moving = "" if asked.force else not_resting(robot)
+        if moving:
+            return self._stricter(robot, config, new, change, moving)
+        if change.kind is ChangeKind.SETTINGS:
+            robot.configure(config)
+        elif trouble := await rebuild(self._process, robot, config):
+            return _ended(change, Outcome.FAILED, f"{trouble}; it has its configuration of before")
+        self._runs_with({change.name: _config_of(new, change.name)}, {change.name: new.given[change.name]})
+        return _ended(change, Outcome.DONE)
+
+    def _stricter(
+        self, robot: LocalRobot, config: AdapterConfig, new: Loaded, change: Change, moving: str
+    ) -> Change:
+        """Hold a robot that does not rest to what is stricter in its new configuration."""
+        can, name = robot.controller.can, robot.name
+        both = as_strict_as_both(robot.config, config, limits=can.limits, separation=can.separation)
+        if change.kind is ChangeKind.SETTINGS and holds_alike(both, config, can.limits, can.separation):
+            robot.configure(config)
+            self._runs_with({name: _config_of(new, name)}, {name: new.given[name]})
+            return _ended(change, Outcome.DONE)
+        if holds_alike(both, robot.config, can.limits, can.separation):
+            return _ended(change, Outcome.REFUSED, moving)
+        robot.configure(both)
+        known = {field: getattr(both, field) for field in SETTINGS}
+        self._runs_with({name: _config_of(self._running, name).model_copy(update=known)}, {})
+        return _ended(change, Outcome.PARTLY, WAITS.format(moving))
+
+    async def _elsewhere(
+        self, worker: str, changes: list[Change], new: Loaded, asked: ChangesAsked
+    ) -> list[Change]:
+        """Change the robots of a worker, which starts again."""
+        names = [change.name for change in changes]
+        configs = {name: _config_of(new, name) for name in names}
+        after = _with(self._running, configs, {name: new.given[name] for name in names})
+        outcome, why = await self._workers.change(worker, after, force=asked.force)
+        if outcome is Outcome.DONE:
+            for name, config in configs.items():
+                self._remote[name].configure(config)
+            self._running = after
+            self._tell()
+        return [_ended(change, outcome, why) for change in changes]
+
+    def _runs_with(self, configs: Mapping[str, AdapterConfig], given: Mapping[str, str]) -> None:
+        """Note what the edge runs with from now on."""
+        self._running = _with(self._running, configs, given)
+        self._tell()
+
+    def _tell(self) -> None:
+        """Tell what the edge runs with now."""
+        for configured in self._configured:
+            configured(self._running)
+
+    async def _keep(self) -> None:
+        """Write what the edge runs with to its disk; a disk that does not take it stops nothing."""
+        outline, stamp = outline_of(self._running), self._clock.time()
+        try:
+            await asyncio.to_thread(keep, self._folder, outline, stamp)
+        except StateError as error:
+            log.warning("what the edge runs with is not kept for fleet diff: %s", error)
+
+    def _record(self, change: Change, asked: ChangesAsked) -> None:
+        """Write into the history what came of a change."""
+        if change.kind is ChangeKind.UNTOUCHED:
+            return
+        severity = Severity.WARNING if change.outcome in {Outcome.FAILED, Outcome.REFUSED} else Severity.INFO
+        text = f"fleet apply: {change.name} {change.kind.value}: {change.outcome.value}"
+        text += f": {change.why}" if change.why else ""
+        log.info("%s", text)
+        asker = Requester(Transport.BUS, asked.by)
+        robot = "" if change.section else change.name
+        event = EventReport(self._clock.time(), EventKind.COMMAND, text, severity, asker, "apply")
+        self._process.history.add(robot, event)
+
+
+def own_config(robot: LocalRobot, loaded: Loaded) -> AdapterConfig:
+    """Return what a file says of a robot as its adapter's own Config; raises what that refuses."""
+    given = msgspec.json.decode(loaded.given[robot.name])
+    return checked(robot.plugin.Config, given, {"folder": loaded.folder})
+
+
+def _config_of(loaded: Loaded, name: str) -> AdapterConfig:
+    """Return the configuration of a robot."""
+    return next(robot for robot, _ in loaded.robots if robot.name == name)
+
+
+def _with(loaded: Loaded, configs: Mapping[str, AdapterConfig], given: Mapping[str, str]) -> Loaded:
+    """Return a loaded file with other configurations of some of its robots."""
+    robots = tuple((configs.get(robot.name, robot), plugin) for robot, plugin in loaded.robots)
+    config = loaded.config.model_copy(update={"robots": tuple(robot for robot, _ in robots)})
+    return msgspec.structs.replace(loaded, config=config, robots=robots, given={**loaded.given, **given})
+
+
+def _left(change: Change) -> Change:
+    """Return a change that is not carried out while the edge runs."""
+    if change.kind is ChangeKind.UNTOUCHED:
+        return change
+    return _ended(change, Outcome.REFUSED, f"{change.why}: end fleet run and start it again")
+
+
+def _ended(change: Change, outcome: Outcome, why: str = "") -> Change:
+    """Return a change with what came of it."""
+    return msgspec.structs.replace(change, outcome=outcome, why=why)
+
+
+def _answer(question: Query, answer: ChangesAnswer) -> None:
+    question.reply(msgspec.json.encode(answer))
+    question.close()

@@ -1,0 +1,75 @@
+"""What an edge last ran with, on its disk: for ``fleet diff`` while it is stopped, and for renamed robots.
+
+The values are keyed digests, with the key beside them: the file says whether a value is the same, and shows
+none. It is written whole, or not at all.
+"""
+
+from __future__ import annotations
+
+import logging
+import os
+import secrets
+from pathlib import Path
+
+import msgspec
+
+from fleet.config.difference import Outline
+from fleet.errors import StateError
+from fleet.runtime.decoding import decode_json
+from fleet.runtime.state_format import refuse_newer
+from fleet.spool.state_folder import made
+from fleet.version import __version__
+
+log = logging.getLogger(__name__)
+
+FILE = "configuration.json"
+FORMAT = 1
+
+
+class LastConfiguration(msgspec.Struct, frozen=True):
+    """What an edge ran with; ``stamp``: since when (Unix s), ``fleet``: the version that wrote it."""
+
+    format: int
+    fleet: str
+    stamp: float
+    key: str
+    outline: Outline
+
+
+class _Format(msgspec.Struct, frozen=True):
+    format: int
+
+
+def keep(folder: Path, outline: Outline, stamp: float) -> None:
+    """Write what an edge runs with from now on; raises StateError. Blocks."""
+    key = secrets.token_hex(16)
+    kept = LastConfiguration(FORMAT, __version__, stamp, key, outline.digest(key.encode()))
+    path = made(folder) / FILE
+    new = path.with_suffix(".new")
+    try:
+        with os.fdopen(os.open(new, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o600), "wb") as file:
+            file.write(msgspec.json.encode(kept))
+            file.flush()
+            os.fsync(file.fileno())
+        new.replace(path)
+    except OSError as error:
+        raise StateError(f"cannot write {path}: {error.strerror}") from None
+
+
+def last_configuration(folder: Path) -> LastConfiguration | None:
+    """Return what an edge last ran with, None where nothing is kept.
+
+    Raises StateError for a file that cannot be read, StateNewer for one of a newer fleet.
+    """
+    path = folder / FILE
+    try:
+        data = path.read_bytes()
+    except FileNotFoundError:
+        return None
+    except OSError as error:
+        raise StateError(f"cannot read {path}: {error.strerror}") from None
+    try:
+        refuse_newer(decode_json(data, _Format).format, FORMAT)
+        return decode_json(data, LastConfiguration)
+    except msgspec.DecodeError as error:
+        raise StateError(f"{path} cannot be read: {error}") from None

@@ -1,0 +1,60 @@
+"""Ends the run of one robot of this process, and begins it anew with another configuration.
+
+Its controller, its stop and what is known of past requests stay; only its adapter and its link are new. The
+other robots go on.
+"""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Callable
+
+from fleet.host.process.robot_process import RobotProcess
+from fleet.host.robot.local_robot import LocalRobot
+from fleet.robot_config import AdapterConfig
+
+ENDS_WITHIN = 12.0  # s for a run to bring its robot to a standstill and end
+BACK_WITHIN = 20.0  # s for a robot that answered before to answer again
+LOOK = 0.05  # s between looks
+
+
+async def rebuild(process: RobotProcess, robot: LocalRobot, config: AdapterConfig) -> str:
+    """Run a robot with another configuration; return why it has the one before again, empty when it has not.
+
+    A robot that answered before must answer within ``BACK_WITHIN``.
+    """
+    before, answered = robot.config, not robot.controller.offline
+    trouble = await _ended(process, robot)
+    if trouble:
+        return trouble
+    robot.configure(config)
+    process.runs.resume(robot)
+    if not answered or await seen(lambda: not robot.controller.offline, BACK_WITHIN):
+        return ""
+    cause = robot.state().cause
+    stuck = await _ended(process, robot)
+    robot.configure(before)
+    if not stuck:
+        process.runs.resume(robot)
+    return f"it did not answer within {BACK_WITHIN:g} s: {cause}" + (f"; {stuck}" if stuck else "")
+
+
+async def _ended(process: RobotProcess, robot: LocalRobot) -> str:
+    """End a robot's run; return why it cannot be begun anew."""
+    process.runs.pause(robot)
+    if not await seen(lambda: process.runs.is_paused(robot), ENDS_WITHIN):
+        return "its run does not end; restart the edge"
+    if robot.runner.leftover is None:
+        return ""
+    why = "its adapter does not end; restart the edge, and give it a worker of its own"
+    robot.stand_by(why)
+    return why
+
+
+async def seen(condition: Callable[[], bool], within: float) -> bool:
+    """Wait until something is so, at most so many seconds; return whether it is."""
+    loop = asyncio.get_running_loop()
+    end = loop.time() + within
+    while not condition() and loop.time() < end:  # noqa: ASYNC110 - what is waited for has no event
+        await asyncio.sleep(LOOK)
+    return condition()

@@ -1,0 +1,59 @@
+"""Which robots of a process are run: those whose twins are ours, but for one whose configuration changes."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Callable
+
+from fleet.host.robot.local_robot import LocalRobot
+
+CHANGES = "its configuration changes"
+
+
+class RobotRuns:
+    """The runs of the robots of one process. ``again`` is called for a robot that may be run again."""
+
+    def __init__(self, again: Callable[[LocalRobot], None]) -> None:
+        self.tasks: dict[str, asyncio.Task[None]] = {}
+        self.ending = False
+        self._again = again
+        self._paused: set[str] = set()
+
+    def run(self, robot: LocalRobot) -> None:
+        """Run a robot, once an earlier run of it has ended."""
+        task = self.tasks.get(robot.name)
+        if self.ending or robot.name in self._paused:
+            return
+        if task is None:
+            self.tasks[robot.name] = robot.start()
+        elif task.cancelling():
+            task.add_done_callback(lambda _: self._again(robot))
+
+    def keep_out(self, robot: LocalRobot, why: str) -> None:
+        """End a robot's run, if there is one, and say why there is none."""
+        task = self.tasks.get(robot.name)
+
+        def ended(_task: asyncio.Task[None]) -> None:
+            self.tasks.pop(robot.name, None)
+            robot.stand_by(why)
+
+        if task is None:
+            robot.stand_by(why)
+        elif not task.cancelling():
+            task.add_done_callback(ended)
+            task.cancel()
+
+    def pause(self, robot: LocalRobot) -> None:
+        """End a robot's run until ``resume``; what it is prepared for is dropped."""
+        self._paused.add(robot.name)
+        robot.controller.event_reporter.heard(CHANGES)
+        self.keep_out(robot, CHANGES)
+
+    def is_paused(self, robot: LocalRobot) -> bool:
+        """Return True once the run has ended."""
+        return robot.name in self._paused and robot.name not in self.tasks
+
+    def resume(self, robot: LocalRobot) -> None:
+        """Begin its run anew, unless another edge has its twin by now."""
+        self._paused.discard(robot.name)
+        self._again(robot)

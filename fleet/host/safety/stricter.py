@@ -1,0 +1,119 @@
+"""Two configurations of one robot to one that is as strict as both: what a robot in motion may be held to.
+
+Pure. Only what the host enforces is changed: whose commands are obeyed, limits, fence, battery, separation.
+"""
+
+from __future__ import annotations
+
+import math
+
+from fleet.host.safety.source_policy import SourcePolicy
+from fleet.model.polygon import Polygon, crosses, polygon_contains
+from fleet.robot_config import Accepts, AdapterConfig, BatteryPolicy, FenceConfig, Limits, Separation
+
+
+def as_strict_as_both(
+    old: AdapterConfig, new: AdapterConfig, *, limits: Limits, separation: Separation
+) -> AdapterConfig:
+    """Return the old configuration with all that is stricter in the new one.
+
+    ``limits`` and ``separation`` are the adapter's own, which hold where a configuration says nothing.
+    """
+    return old.model_copy(
+        update={
+            "accepts": _accepts(old, new),
+            "limits": _limits(old.limits.over(limits), new.limits.over(limits)),
+            "fence": new.fence if is_within(new.fence, old.fence) else old.fence,
+            "battery_policy": _battery(old.battery_policy, new.battery_policy),
+            "separation": _separation(old.separation.over(separation), new.separation.over(separation)),
+        }
+    )
+
+
+def holds_alike(config: AdapterConfig, other: AdapterConfig, limits: Limits, separation: Separation) -> bool:
+    """Return whether the host holds a robot to the same by both."""
+    one, two = _policy(config), _policy(other)
+    return (
+        (one.command, one.navigate, one.mission) == (two.command, two.navigate, two.mission)
+        and config.limits.over(limits) == other.limits.over(limits)
+        and config.fence == other.fence
+        and config.battery_policy == other.battery_policy
+        and config.separation.over(separation) == other.separation.over(separation)
+    )
+
+
+def _policy(config: AdapterConfig) -> SourcePolicy:
+    return SourcePolicy(config.accepts, simulated=config.simulated)
+
+
+def _accepts(old: AdapterConfig, new: AdapterConfig) -> Accepts:
+    """Return who is let in by both."""
+    one, two = _policy(old), _policy(new)
+    both = {
+        "command": one.command & two.command,
+        "navigate": one.navigate & two.navigate,
+        "mission": one.mission & two.mission,
+    }
+    return old.accepts.model_copy(update=both)
+
+
+def _limits(old: Limits, new: Limits) -> Limits:
+    """Return the smaller of each."""
+    smaller = {
+        name: min((each for each in (value, getattr(new, name)) if each is not None), default=None)
+        for name, value in old
+    }
+    return old.model_copy(update=smaller)
+
+
+def _separation(old: Separation, new: Separation) -> Separation:
+    """Return the larger radius and the weaker brake; who gives way stays as it is."""
+    return old.model_copy(
+        update={
+            "radius": max(old.radius or 0.0, new.radius or 0.0) or None,
+            "braking": min(old.braking or math.inf, new.braking or math.inf, default_braking(old, new)),
+        }
+    )
+
+
+def default_braking(old: Separation, new: Separation) -> float:
+    """Return what a robot that says nothing brakes with where one of two says nothing; else no bound."""
+    return math.inf if old.braking and new.braking else 0.5
+
+
+def _battery(old: BatteryPolicy | None, new: BatteryPolicy | None) -> BatteryPolicy | None:
+    """Return what holds back more battery and acts sooner."""
+    if old is None or new is None:
+        return old or new
+    endurance = min(old.endurance or math.inf, new.endurance or math.inf)
+    return old.model_copy(
+        update={
+            "reserve": max(old.reserve, new.reserve),
+            "low": max(old.low, new.low),
+            "endurance": None if endurance == math.inf else endurance,
+            "action": new.action if old.action == "warn" else old.action,
+        }
+    )
+
+
+def is_within(new: FenceConfig | None, old: FenceConfig | None) -> bool:
+    """Return whether a fence surely lets a robot be nowhere where the other does not."""
+    if old is None or new == old:
+        return True
+    if new is None or new.frame != old.frame or new.margin < old.margin:
+        return False
+    kept = all(any(_inside(each, other) for other in new.exclusion) for each in old.exclusion)
+    if not old.inclusion:
+        return kept
+    narrowed = all(any(_inside(each, other) for other in old.inclusion) for each in new.inclusion)
+    return kept and bool(new.inclusion) and narrowed
+
+
+def _inside(inner: Polygon, outer: Polygon) -> bool:
+    """Return whether a polygon lies in another, or is the same; borders that touch count as crossing."""
+    if inner == outer:
+        return True
+    sides = zip(inner, (*inner[1:], inner[0]), strict=True)
+    return all(polygon_contains(outer, corner) for corner in inner) and not any(
+        crosses(outer, *side) for side in sides
+    )

@@ -1,0 +1,116 @@
+"""Starts a worker again with another configuration of its robots, and takes that back when it fails."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Mapping
+
+import msgspec
+
+from fleet.bus import keys
+from fleet.bus.zenoh_session import ZenohSession
+from fleet.config.load import Loaded
+from fleet.host.process.rebuild import BACK_WITHIN, seen
+from fleet.host.robot.rest import STILL
+from fleet.host.workers.remote_robot import RemoteRobot
+from fleet.host.workers.worker_manager import WorkerManager
+from fleet.host.workers.worker_task import task_of
+from fleet.model.change import Outcome
+from fleet.model.command import Reply
+from fleet.runtime.decoding import decode_json
+
+ASK_WITHIN = 10.0  # s for a worker to say whether it starts again
+TRY_WITHIN = 90.0  # s for it to try a changed file, and the configurations of its robots by it
+ENDS_WITHIN = 15.0  # s for it to stop its robots, end, and come up again
+LATCHED = "emergency stop"
+
+
+class WorkerChanges:
+    """The workers of one edge; on the loop."""
+
+    def __init__(
+        self,
+        edge: str,
+        control: ZenohSession,
+        workers: Mapping[str, WorkerManager],
+        robots: Mapping[str, RemoteRobot],
+    ) -> None:
+        self._edge, self._control = edge, control
+        self._workers, self._robots = workers, robots
+
+    def hindrance(self, worker: str) -> str:
+        """Return why a worker cannot start again now, as far as the edge knows."""
+        if worker not in self._workers:
+            return f"worker {worker} was started by hand: end it, and start it with the new file"
+        for robot in self._of(worker):
+            state = robot.state()
+            moves = state.speed is not None and state.speed > STILL
+            if (state.activity and state.activity != LATCHED) or state.armed or state.run or moves:
+                return f"{state.name}, of the same worker, does not rest"
+        return ""
+
+    async def change(self, worker: str, after: Loaded, *, force: bool) -> tuple[Outcome, str]:
+        """Start a worker with what is ``after``; return what came of it, and why it was not done."""
+        manager = self._workers.get(worker)
+        if manager is None:
+            why = f"worker {worker} was started by hand: end it, and start it with the new file"
+            return Outcome.REFUSED, why
+        answered = [robot for robot in self._of(worker) if robot.state().reachable]
+        old = manager.replace(msgspec.json.encode(task_of(after, worker)))
+        started = manager.started
+        refusal = await self.start_again(worker, force=force)
+        if refusal:
+            manager.replace(old)
+            return Outcome.REFUSED, refusal
+        trouble = await self._back(manager, started, answered)
+        if not trouble:
+            return Outcome.DONE, ""
+        manager.replace(old)
+        started = manager.started
+        await self.start_again(worker, force=True)
+        again = await self._back(manager, started, answered)
+        return Outcome.FAILED, f"{trouble}; " + (again or "it has its configuration of before")
+
+    async def _back(self, manager: WorkerManager, started: int, robots: list[RemoteRobot]) -> str:
+        """Wait until a worker and its robots are there again; return what is not."""
+        if not await seen(lambda: manager.started > started, ENDS_WITHIN):
+            return f"worker {manager.name} did not come up within {ENDS_WITHIN:g} s"
+        if await seen(lambda: all(robot.state().reachable for robot in robots), BACK_WITHIN):
+            return ""
+        away = [robot.state() for robot in robots if not robot.state().reachable]
+        return "; ".join(
+            f"{state.name} did not answer within {BACK_WITHIN:g} s: {state.cause}" for state in away
+        )
+
+    def _of(self, worker: str) -> list[RemoteRobot]:
+        """Return the robots of a worker."""
+        return [robot for robot in self._robots.values() if robot.worker == worker]
+
+    async def start_again(self, worker: str, adapter: str = "", *, force: bool) -> str:
+        """Have a worker end, to be started again; return why it does not.
+
+        ``adapter``: because its drop-in file has changed, which the worker tries first.
+        """
+        loop = asyncio.get_running_loop()
+        heard: asyncio.Future[str] = loop.create_future()
+
+        def take(why: str) -> None:
+            if not heard.done():
+                heard.set_result(why)
+
+        def answered(data: bytes) -> None:
+            reply = decode_json(data, Reply)
+            loop.call_soon_threadsafe(take, "" if reply.ok else reply.reason or "it refuses")
+
+        def ended() -> None:
+            loop.call_soon_threadsafe(take, f"worker {worker} does not answer")
+
+        self._control.ask_later(
+            keys.reload(self._edge, worker),
+            adapter.encode(),
+            timeout=TRY_WITHIN if adapter else ASK_WITHIN,
+            parameters={"force": "1"} if force else None,
+            on_answer=answered,
+            on_end=ended,
+        )
+        return await heard

@@ -1,0 +1,313 @@
+"""A running edge takes over its changed fleet.yaml: one robot at rest is rebuilt, the others never notice."""
+
+import asyncio
+import contextlib
+import json
+import sys
+
+import msgspec
+import pytest
+
+from fleet.bus import keys
+from fleet.bus.bus import open_edge
+from fleet.bus.settings import BusSettings
+from fleet.host.process import rebuild
+from fleet.host.requests.stop_cause import local_cause
+from fleet.model.change import ChangeKind, ChangesAnswer, ChangesAsked, Outcome
+from fleet.model.command import Reply
+
+HERE = {"worker": "main"}
+GOTO = {"command": "goto", "position": [1.0, 2.0, 0.0], "action_id": "a1"}
+RELEASE = {"command": "release_emergency_stop"}
+
+
+class Field:
+    """A running edge, its file, and what it is asked."""
+
+    def __init__(self, place, edge, bus_session, asks):
+        self.place, self.edge, self.bus_session, self.asks = place, edge, bus_session, asks
+
+    def write(self, robot, **fields):
+        """Change fields of a robot in fleet.yaml; None takes one out."""
+        fleet = json.loads(self.place.file.read_text())
+        (entry,) = [each for each in fleet["robots"] if each["name"] == robot]
+        entry |= fields
+        for name in [name for name, value in fields.items() if value is None]:
+            del entry[name]
+        self.place.file.write_text(json.dumps(fleet))
+
+    async def ask(self, **asked):
+        payload = msgspec.json.encode(ChangesAsked(**asked))
+
+        def ask():
+            return [
+                data for _, data in self.bus_session.ask(keys.changes(self.place.id), payload, timeout=90)
+            ]
+
+        (answer,) = await asyncio.to_thread(ask)
+        return msgspec.json.decode(answer, type=ChangesAnswer)
+
+    async def apply(self, **asked):
+        """Return what came of each robot, by name."""
+        answer = await self.ask(do="apply", **asked)
+        assert answer.refusal == ""
+        return {change.name: change for change in answer.changes}
+
+    async def say(self, robot, message, kind="command", **parameters):
+        payload, parameters = json.dumps(message).encode(), {"kind": kind, **parameters}
+
+        def ask():
+            key = keys.command(self.place.id, robot)
+            return [data for _, data in self.bus_session.ask(key, payload, timeout=20, parameters=parameters)]
+
+        return msgspec.json.decode((await asyncio.to_thread(ask))[0], type=Reply)
+
+    def state(self, robot):
+        return next(state for state in self.edge.states() if state.name == robot)
+
+    async def until(self, condition):
+        await self.asks.until(condition, 30)
+
+
+@contextlib.asynccontextmanager
+async def running(yard, run_edge, asks, **robots):
+    place = yard(**robots)
+    edge = place.edge()
+    async with run_edge(edge):
+        await asks.until(lambda: all(state.health == "ok" for state in edge.states()), 30)
+        bus_session = await asyncio.to_thread(place.bus_session)
+        try:
+            yield Field(place, edge, bus_session, asks)
+        finally:
+            await asyncio.to_thread(bus_session.close)
+
+
+@pytest.fixture
+async def field(yard, run_edge, asks):
+    async with running(yard, run_edge, asks, rex=HERE, max=HERE) as there:
+        yield there
+
+
+async def test_a_file_that_says_the_same_changes_nothing(field):
+    answer = await field.ask()
+    assert answer.same
+    assert {change.name: change.kind for change in answer.changes} == dict.fromkeys(
+        ("rex", "max"), ChangeKind.UNTOUCHED
+    )
+    assert field.place.words() == ["run", "run"]
+
+
+async def test_a_plan_tells_what_would_be_done_and_does_nothing(field):
+    field.write("rex", stands=True)
+    field.write("max", limits={"speed": 0.5})
+    rex, other = (await field.ask()).changes
+    assert (rex.kind, rex.fields) == (ChangeKind.REBUILT, ("stands: none -> true",))
+    assert other.kind is ChangeKind.REBUILT  # it leads itself to its goals, so it has the limits too
+    assert field.place.words() == ["run", "run"]
+
+
+async def test_a_robot_at_rest_is_rebuilt_and_the_other_goes_on(field):
+    field.write("rex", stands=True)
+    done = await field.apply()
+    assert (done["rex"].outcome, done["max"].kind) == (Outcome.DONE, ChangeKind.UNTOUCHED)
+    assert field.place.words("rex") == ["run", "run"]
+    assert field.place.words("max") == ["run"]
+    assert field.edge.process.robots["rex"].config.stands
+    assert (await field.ask()).same
+
+
+async def test_a_robot_that_is_led_is_not_rebuilt_unless_forced(field):
+    assert (await field.say("rex", GOTO, "navigate")).ok
+    await field.until(lambda: "navigate" in field.place.words("rex"))
+    field.write("rex", stands=True)
+    (planned, _) = (await field.ask()).changes
+    assert "rex is commanded" in planned.why
+    refused = (await field.apply())["rex"]
+    assert (refused.outcome, "rex is commanded" in refused.why) == (Outcome.REFUSED, True)
+    assert field.place.words("rex") == ["run", "navigate"]
+    assert (await field.apply(force=True))["rex"].outcome is Outcome.DONE
+    after = field.place.words("rex")[2:]
+    assert (after[0], "stop" in after, after[-1]) == ("halt", True, "run")
+
+
+async def test_a_robot_that_moves_is_held_to_what_is_stricter_at_once_and_the_rest_waits(field):
+    assert (await field.say("rex", GOTO, "navigate")).ok
+    await field.until(lambda: "navigate" in field.place.words("rex"))
+    field.write("rex", limits={"speed": 0.5, "yaw_rate": 9.0}, accepts={"command": []})
+    done = (await field.apply())["rex"]
+    assert done.outcome is Outcome.PARTLY
+    robot = field.edge.process.robots["rex"]
+    assert (robot.config.limits.speed, robot.config.limits.yaw_rate) == (0.5, 1.0)
+    refused = await field.say("rex", {"command": "walk", "source_type": "tele"})
+    assert "obeys nobody" in refused.reason
+    assert field.place.words("rex") == ["run", "navigate"]
+    assert (await field.say("rex", {"command": "stop"})).ok
+    await field.until(lambda: field.state("rex").activity == "")
+    assert (await field.apply())["rex"].outcome is Outcome.DONE
+    assert robot.config.limits.yaw_rate == 9.0
+
+
+async def test_a_robot_that_does_not_come_back_has_its_configuration_of_before(field, monkeypatch):
+    monkeypatch.setattr(rebuild, "BACK_WITHIN", 0.5)
+    before = field.edge.process.robots["rex"].config
+    field.write("rex", journal=str(field.place.file.parent / "nowhere" / "journal"))
+    done = (await field.apply())["rex"]
+    assert (done.outcome, "configuration of before" in done.why) == (Outcome.FAILED, True)
+    assert field.edge.process.robots["rex"].config == before
+    await field.until(lambda: field.state("rex").health == "ok")
+    assert field.place.words("max") == ["run"]
+    assert not (await field.ask()).same
+
+
+async def test_a_stop_that_is_set_stays_set_and_can_be_released(field):
+    field.bus_session.put(keys.stop(field.place.id), b'["rex"]', urgent=True)
+    await field.until(lambda: field.state("rex").emergency_stop)
+    field.write("rex", stands=True)
+    assert (await field.apply())["rex"].outcome is Outcome.DONE
+    assert field.state("rex").emergency_stop
+    assert "emergency stop is set" in (await field.say("rex", {"command": "walk"})).reason
+    assert (await field.say("rex", RELEASE)).ok
+    assert not field.state("rex").emergency_stop
+
+
+async def test_a_stop_in_the_middle_of_a_change_reaches_every_robot(field):
+    field.write("rex", stands=True)
+    robot = field.edge.process.robots["rex"]
+    configure = robot.configure
+
+    def stopped_meanwhile(config):
+        field.edge.process.stop_robots((), local_cause("", "test"))
+        configure(config)
+
+    robot.configure = stopped_meanwhile
+    assert (await field.apply())["rex"].outcome is Outcome.DONE
+    assert all(state.emergency_stop for state in field.edge.states())
+    assert "emergency stop is set" in (await field.say("rex", {"command": "walk"})).reason
+
+
+async def test_a_command_that_was_carried_out_before_is_not_carried_out_again(field):
+    walk = {"command": "walk"}
+    assert (await field.say("rex", walk, id="once")).ok
+    await field.until(lambda: field.place.words("rex").count("walk") == 1)
+    await field.until(lambda: field.state("rex").activity == "")
+    field.write("rex", stands=True)
+    await field.apply(force=True)
+    await field.say("rex", walk, id="once")
+    goal = await field.say("rex", GOTO, "navigate")
+    assert goal.ok
+    assert field.place.words("rex").count("walk") == 1
+
+
+async def test_what_needs_a_restart_is_told_with_the_reason_and_left(field):
+    field.write("rex", twin="00000000-0000-4000-8000-00000000000f")
+    field.place.change(metrics={"port": 0})
+    done = await field.apply()
+    assert (done["rex"].outcome, "claim on its twin" in done["rex"].why) == (Outcome.REFUSED, True)
+    assert "end fleet run and start it again" in done["metrics"].why
+    assert field.place.words() == ["run", "run"]
+
+
+async def test_a_file_that_cannot_be_used_changes_nothing_and_says_where_it_is_wrong(field):
+    field.write("rex", limits={"speed": -1})
+    answer = await field.ask(do="apply")
+    assert "nothing was changed" in answer.refusal
+    assert any("robots[0].limits.speed" in problem for problem in answer.problems)
+    assert field.place.words() == ["run", "run"]
+
+
+async def test_an_edge_does_nothing_for_who_means_another_file_or_a_newer_format(field):
+    field.write("rex", stands=True)
+    assert "not /elsewhere/fleet.yaml" in (await field.ask(do="apply", file="/elsewhere/fleet.yaml")).refusal
+    assert "update it" in (await field.ask(do="apply", format=99)).refusal
+    assert field.place.words() == ["run", "run"]
+
+
+async def test_the_robots_of_a_worker_are_changed_by_starting_it_again(yard, run_edge, asks):
+    robots = {"arm": {"worker": "limbs"}, "leg": {"worker": "limbs"}, "rex": HERE}
+    async with running(yard, run_edge, asks, **robots) as field:
+        field.write("arm", stands=True)
+        assert (await field.say("leg", GOTO, "navigate")).ok
+        await field.until(lambda: "navigate" in field.place.words("leg"))
+        refused = (await field.apply())["arm"]
+        assert (refused.outcome, "leg is commanded" in refused.why) == (Outcome.REFUSED, True)
+        assert (await field.say("leg", {"command": "stop"})).ok
+        await field.until(lambda: field.state("leg").activity == "")
+        field.bus_session.put(keys.stop(field.place.id), b'["arm"]', urgent=True)
+        await field.until(lambda: field.state("arm").emergency_stop)
+        assert (await field.apply())["arm"].outcome is Outcome.DONE
+        assert len(set(field.place.processes("arm"))) == 2
+        await field.until(lambda: field.state("arm").emergency_stop and field.state("arm").reachable)
+        assert field.place.words("rex") == ["run"]
+        assert (await field.ask()).same
+
+
+async def test_an_edge_that_ends_in_the_middle_of_a_change_leaves_nothing_behind(yard, run_edge, asks):
+    async with running(yard, run_edge, asks, rex=HERE, max=HERE) as field:
+        field.write("rex", journal=str(field.place.file.parent / "nowhere" / "journal"))
+        asking = asyncio.create_task(field.ask(do="apply"))
+        await field.until(lambda: not field.state("rex").reachable)
+        assert (await field.ask()).refusal == "another change is under way; wait for its end"
+        asking.cancel()
+    assert [task for task in asyncio.all_tasks() if task.get_name() == "changes"] == []
+    edge = field.place.edge()  # it has the new file as a whole
+    async with run_edge(edge):
+        assert edge.process.robots["rex"].config.journal.endswith("nowhere/journal")
+        assert edge.process.robots["max"].config.journal == str(field.place.journal)
+
+
+async def test_a_stop_that_is_set_is_set_under_a_new_name_too(yard, run_edge, asks):
+    async with running(yard, run_edge, asks, rex=HERE, arm={"worker": "limbs"}) as field:
+        field.bus_session.put(keys.stop(field.place.id), b"", urgent=True)
+        await field.until(lambda: all(state.emergency_stop for state in field.edge.states()))
+        place = field.place
+    field.write("rex", name="max")
+    field.write("arm", name="leg")
+    edge = place.edge()
+    async with run_edge(edge):
+        await asks.until(lambda: all(state.health == "ok" for state in edge.states()), 30)
+        assert {state.name: state.emergency_stop for state in edge.states()} == {"max": True, "leg": True}
+        assert edge.process.robots["max"].controller.latched
+
+
+async def fleet(*arguments):
+    """Run the command line; return its exit code, and what it wrote to stdout and stderr."""
+    pipe = asyncio.subprocess.PIPE
+    process = await asyncio.create_subprocess_exec(
+        sys.executable, "-m", "fleet", *arguments, stdout=pipe, stderr=pipe
+    )
+    out, err = await process.communicate()
+    return process.returncode, out.decode(), err.decode()
+
+
+async def test_an_edge_of_an_older_fleet_is_named_in_one_line(yard):
+    place = yard(rex=HERE)
+    with contextlib.closing(open_edge(BusSettings(place.id), place.runtime)) as bus:
+        state = b'{"edge":"%s","version":"0.1.0","stamp":1.0,"uptime":1.0,"of_later":1}' % place.id.encode()
+
+        def asked(question):
+            question.reply(state)
+            question.close()
+
+        bus.control.answer(keys.health(place.id), asked)
+        code, _, err = await fleet("apply", str(place.file))
+    assert (code, len(err.splitlines())) == (6, 1)
+    assert "it runs fleet 0.1.0" in err
+
+
+async def test_a_person_sees_and_applies_the_changes_and_what_is_left_after_the_end(yard, run_edge, asks):
+    async with running(yard, run_edge, asks, rex=HERE, max=HERE) as field:
+        file = str(field.place.file)
+        assert await fleet("diff", file) == (0, "untouched: 2 robots: rex, max\n", "")
+        field.write("rex", stands=True)
+        code, out, _ = await fleet("diff", file)
+        assert (code, out.splitlines()[0]) == (7, "rex: rebuilt because of stands: none -> true")
+        code, out, _ = await fleet("apply", file)
+        assert (code, out.splitlines()[0]) == (0, "rex: rebuilt because of stands: none -> true [done]")
+        assert "fleet apply: rex rebuilt: done" in (await fleet("history", "-f", file))[1]
+    code, out, err = await fleet("diff", file)
+    assert (code, out) == (0, "untouched: 2 robots: rex, max\n")
+    assert "does not run; compared with what it last ran with" in err
+    field.write("max", stands=True)
+    assert (await fleet("diff", file))[:2] == (7, "max: rebuilt because of stands\nuntouched: 1 robot: rex\n")
+    code, _, err = await fleet("apply", file)
+    assert (code, "does not run; fleet run" in err) == (4, True)
