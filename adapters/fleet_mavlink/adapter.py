@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import contextlib
 from collections.abc import AsyncIterator
-from typing import Annotated, ClassVar
+from typing import Annotated, Any, ClassVar
 
 from fleet import (
     FlyMission,
@@ -17,6 +17,7 @@ from fleet import (
     Progress,
     Range,
     Refused,
+    Robot,
     Separation,
     Simulation,
     SimulationStart,
@@ -31,6 +32,7 @@ from fleet_mavlink.link_hub import LinkHub, open_hub
 from fleet_mavlink.maintenance import UpkeepCommands
 from fleet_mavlink.payload import PayloadCommands
 from fleet_mavlink.preconditions import home_unknown, not_in_the_air, require_connection, require_has
+from fleet_mavlink.redaction import SigningKeyRedaction
 from fleet_mavlink.session import GENTLE, VehicleSession
 from fleet_mavlink.signing import Signer, key_of
 from fleet_mavlink.sim.spec import SimSpec
@@ -68,9 +70,15 @@ class MavlinkAdapter(PayloadCommands, UpkeepCommands):
     separation: ClassVar[Separation] = Separation(radius=1.5, braking=1.5, precedence=3)
 
     simulation = staticmethod(_simulation)
+    redaction = staticmethod(SigningKeyRedaction)
 
     _hub: LinkHub
     _sim: SimProcess | None = None  # of a simulated vehicle
+
+    @classmethod
+    def replayed(cls, config: Any, robot: Robot) -> MavlinkAdapter:
+        """Return the adapter itself: it reaches nothing but its link."""
+        return cls(config, robot)
 
     async def connect(self) -> None:
         """Open the link, or share it; raises LinkLost or LinkRefused."""

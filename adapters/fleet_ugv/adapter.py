@@ -6,7 +6,7 @@ import asyncio
 import contextlib
 import math
 from collections.abc import Mapping, Sequence
-from typing import Annotated, ClassVar, TypeVar
+from typing import Annotated, Any, ClassVar, TypeVar
 
 from fleet import (
     Adapter,
@@ -65,6 +65,11 @@ class UgvAdapter(Adapter[UgvConfig]):
         self._odometry = WheelOdometry(config.scale, config.base.fastest, robot.state.get(POSE))
         self._board: Board
         self._link: Link
+
+    @classmethod
+    def replayed(cls, config: Any, robot: Robot) -> UgvAdapter:
+        """Return the adapter itself: it reaches nothing but its link."""
+        return cls(config, robot)
 
     async def connect(self) -> None:
         """Open the line; raises LinkLost or LinkRefused."""
