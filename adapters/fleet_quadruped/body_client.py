@@ -33,9 +33,7 @@ class BodyClient:
         self._news = asyncio.Event()
         self._one_request = asyncio.Lock()
 
-    def begin(
-        self, process: BodyProcess, dt: float, *, recorded: Callable[[], bool] = lambda: False
-    ) -> None:
+    def begin(self, process: BodyProcess, dt: float, *, recorded: Callable[[], bool] = lambda: False) -> None:
         """Begin with a process that has started; ``dt``: seconds of one of its cycles.
 
         ``recorded`` says whether somebody records the frames of its buses.

@@ -119,6 +119,9 @@ class ReplayedRobot:
     def authority_lost(self, reason: str) -> None:
         """Take that somebody else has the robot; it is no report."""
 
+    def lacks(self, reasons: Mapping[str, str]) -> None:
+        """Take what the robot does not have; nothing is asked of it."""
+
     def leave_halt(self, link: Link, frames: Iterable[bytes], address: Address = None) -> None:
         """Take what would halt the robot; there is none."""
 

@@ -83,7 +83,7 @@ class FrameReceiver:
         self._log = log
 
     def wanted(self) -> bool:
-        """True while somebody records; from any thread."""
+        """Return whether somebody records; from any thread."""
         return any(tap.note is not None for tap in self._taps.values())
 
     def read(self) -> None:
