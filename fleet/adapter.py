@@ -209,8 +209,8 @@ class Adapter(AdapterBase[ConfigT]):
         """Return True when there is something to connect to (``connect`` is overridden)."""
         return cls.connect is not Adapter.connect
 
-    @classmethod
-    def replayed(cls, config: Any, robot: Robot) -> Adapter[Any] | None:  # noqa: ARG003 - for overriders
+    @staticmethod
+    def replayed(config: Any, robot: Robot) -> Adapter[Any] | None:  # noqa: ARG003 - for overriders
         """Return the adapter that is given recorded frames; None: robots of this kind cannot be replayed.
 
         It must open links by ``open_link`` alone, which gives it recorded ones then, and reach nothing else;

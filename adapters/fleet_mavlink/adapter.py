@@ -55,6 +55,11 @@ def _simulation(config: MavlinkConfig, start: SimulationStart) -> Simulation:
     return simulated_vehicle(config, start)
 
 
+def _replayed(config: Any, robot: Robot) -> MavlinkAdapter:
+    """Return the adapter itself for a replay: it reaches nothing but its link."""
+    return MavlinkAdapter(config, robot)
+
+
 class MavlinkAdapter(PayloadCommands, UpkeepCommands):
     """A multirotor on ArduPilot or PX4, or a rover or boat on ArduPilot.
 
@@ -71,14 +76,10 @@ class MavlinkAdapter(PayloadCommands, UpkeepCommands):
 
     simulation = staticmethod(_simulation)
     redaction = staticmethod(SigningKeyRedaction)
+    replayed = staticmethod(_replayed)
 
     _hub: LinkHub
     _sim: SimProcess | None = None  # of a simulated vehicle
-
-    @classmethod
-    def replayed(cls, config: Any, robot: Robot) -> MavlinkAdapter:
-        """Return the adapter itself: it reaches nothing but its link."""
-        return cls(config, robot)
 
     async def connect(self) -> None:
         """Open the link, or share it; raises LinkLost or LinkRefused."""

@@ -72,8 +72,8 @@ class QuadrupedAdapter(Adapter[QuadrupedConfig]):
         self._serves = True  # its body controller runs
         self._dog: AnyBody
 
-    @classmethod
-    def replayed(cls, config: Any, robot: Robot) -> RecordedDog | None:
+    @staticmethod
+    def replayed(config: Any, robot: Robot) -> RecordedDog | None:
         """Return what reads the recorded frames of a dog whose drives we lead."""
         body = load_body(config.body_file)
         return RecordedDog(config, robot, body) if isinstance(body, DogDescription) else None

@@ -39,7 +39,7 @@ def report_in(schema: str, data: bytes) -> Report | None:
         assert kind is not None
         if kind is GpsReport:
             document.setdefault("point", None)  # members that are null are not recorded
-        report: Report = msgspec.convert(document, kind)
+        report: Report = decode_json(msgspec.json.encode(document), kind)
     except (msgspec.DecodeError, msgspec.ValidationError, KeyError, TypeError, AttributeError) as error:
         raise ValueError(f"a recorded {schema} cannot be read: {error}") from None
     return report
@@ -81,7 +81,7 @@ def _fix(document: Mapping[str, Any]) -> GpsReport:
 def _joints(document: Mapping[str, Any]) -> JointReport:
     """Return joints from foxglove.JointStates."""
     joints = document["joints"]
-    tags = msgspec.convert(document["tags"], JointTags) if "tags" in document else None
+    tags = decode_json(msgspec.json.encode(document["tags"]), JointTags) if "tags" in document else None
     positions, velocities, efforts = (
         {each["name"]: each[what] for each in joints if what in each}
         for what in ("position", "velocity", "effort")
