@@ -38,6 +38,7 @@ if TYPE_CHECKING:
     from fleet.link.framing import DatagramFraming, LineFraming
     from fleet.link.latest_motion import LatestMotion, MotionFrames
     from fleet.link.motion_sender import POLL_INTERVAL, MotionSender
+    from fleet.link.tap import LinkTap, tap_of
     from fleet.link.url import LinkText, open_link, opened_link, parse_link_url
     from fleet.model.command import Command
     from fleet.model.event import EventReport
@@ -123,6 +124,7 @@ _HOME = {
     "fleet.link.framing": ("DatagramFraming", "LineFraming"),
     "fleet.link.latest_motion": ("LatestMotion", "MotionFrames"),
     "fleet.link.motion_sender": ("MotionSender", "POLL_INTERVAL"),
+    "fleet.link.tap": ("LinkTap", "tap_of"),
     "fleet.link.url": ("LinkText", "open_link", "opened_link", "parse_link_url"),
     "fleet.model.command": ("Command",),
     "fleet.model.event": ("EventReport",),
@@ -233,6 +235,7 @@ __all__ = [
     "LinkError",
     "LinkLost",
     "LinkRefused",
+    "LinkTap",
     "LinkText",
     "LogReport",
     "MetricsReport",
@@ -293,6 +296,7 @@ __all__ = [
     "quaternion_from_euler",
     "quaternion_from_yaw",
     "rotate_to_world",
+    "tap_of",
     "world_from_geo",
     "wrap_angle",
 ]

@@ -15,6 +15,7 @@ import logging
 from abc import ABC, abstractmethod
 from collections.abc import AsyncIterator, Callable, Iterable, Mapping
 from contextlib import AbstractAsyncContextManager
+from types import MappingProxyType
 from typing import Any, ClassVar, Generic, ParamSpec, Protocol, TypeVar
 
 import msgspec
@@ -24,6 +25,7 @@ from fleet.commands import CommandSpec, command, commands_of
 from fleet.errors import Unsupported
 from fleet.link.base import Address, Link
 from fleet.link.framing import Framing, LineFraming
+from fleet.link.tap import Redaction
 from fleet.model.geometry import Velocity
 from fleet.model.health import Health
 from fleet.model.joints import JointRange
@@ -138,6 +140,12 @@ class AdapterBase(ABC, Generic[ConfigT]):
     holonomic: ClassVar[bool] = False  # it also moves sideways; else such velocities are refused
     combines_keys: ClassVar[bool] = False  # verbs that are held together add up, opposite ones cancel
     tells_home: ClassVar[bool] = False  # it reports where on Earth its home is, which places it in the site
+    replayed_channels: ClassVar[frozenset[str] | None] = None
+    """The channels whose reports follow from recorded frames alone; None: all. The others are not compared
+    when a recording is fed to the adapter."""
+    replay_tolerance: ClassVar[Mapping[str, float]] = MappingProxyType({})
+    """By which share numbers may differ then, by the name of their member: those that are computed from the
+    time at which frames were read, which is not recorded to the microsecond."""
     failsafe: str = ""
     """What of the robot's own ends its motion when this process dies, and after how long ("its firmware stops
     0.5 s after the last velocity"). Empty where nothing does: then leave a halt, or its health says so."""
@@ -157,6 +165,15 @@ class AdapterBase(ABC, Generic[ConfigT]):
 
         None: there is none that runs in simulated time, and a kinematic stand-in takes its place. Raises
         Refused where it cannot begin as the robot stands now.
+        """
+        return None
+
+    @staticmethod
+    def redaction() -> Redaction | None:
+        """Return what overwrites the secrets in the bytes of one direction of one link, for recordings.
+
+        It is given the bytes as they come, in pieces of any length, and returns as many each time. None: the
+        robot is told no secrets. What it raises keeps these bytes out of the recording.
         """
         return None
 
@@ -191,6 +208,15 @@ class Adapter(AdapterBase[ConfigT]):
     def connects(cls) -> bool:
         """Return True when there is something to connect to (``connect`` is overridden)."""
         return cls.connect is not Adapter.connect
+
+    @staticmethod
+    def replayed(config: Any, robot: Robot) -> Adapter[Any] | None:  # noqa: ARG003 - for overriders
+        """Return the adapter that is given recorded frames; None: robots of this kind cannot be replayed.
+
+        It must open links by ``open_link`` alone, which gives it recorded ones then, and reach nothing else;
+        ``config`` has a recorded link, also where the robot was simulated.
+        """
+        return None
 
     async def connect(self) -> None:
         """Open the way to the robot; for an adapter that overrides it, its return means: the robot answers.

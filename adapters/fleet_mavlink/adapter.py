@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import contextlib
 from collections.abc import AsyncIterator
-from typing import Annotated, ClassVar
+from typing import Annotated, Any, ClassVar
 
 from fleet import (
     FlyMission,
@@ -17,6 +17,7 @@ from fleet import (
     Progress,
     Range,
     Refused,
+    Robot,
     Separation,
     Simulation,
     SimulationStart,
@@ -31,6 +32,7 @@ from fleet_mavlink.link_hub import LinkHub, open_hub
 from fleet_mavlink.maintenance import UpkeepCommands
 from fleet_mavlink.payload import PayloadCommands
 from fleet_mavlink.preconditions import home_unknown, not_in_the_air, require_connection, require_has
+from fleet_mavlink.redaction import SigningKeyRedaction
 from fleet_mavlink.session import GENTLE, VehicleSession
 from fleet_mavlink.signing import Signer, key_of
 from fleet_mavlink.sim.spec import SimSpec
@@ -53,6 +55,11 @@ def _simulation(config: MavlinkConfig, start: SimulationStart) -> Simulation:
     return simulated_vehicle(config, start)
 
 
+def _replayed(config: Any, robot: Robot) -> MavlinkAdapter:
+    """Return the adapter itself for a replay: it reaches nothing but its link."""
+    return MavlinkAdapter(config, robot)
+
+
 class MavlinkAdapter(PayloadCommands, UpkeepCommands):
     """A multirotor on ArduPilot or PX4, or a rover or boat on ArduPilot.
 
@@ -68,6 +75,8 @@ class MavlinkAdapter(PayloadCommands, UpkeepCommands):
     separation: ClassVar[Separation] = Separation(radius=1.5, braking=1.5, precedence=3)
 
     simulation = staticmethod(_simulation)
+    redaction = staticmethod(SigningKeyRedaction)
+    replayed = staticmethod(_replayed)
 
     _hub: LinkHub
     _sim: SimProcess | None = None  # of a simulated vehicle

@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 import contextlib
 from collections.abc import AsyncIterator, Mapping
-from typing import Annotated
+from typing import Annotated, Any
 
 from fleet import (
     ZERO_VELOCITY,
@@ -30,8 +30,10 @@ from fleet_quadruped.any_description import AnyBody, load_body
 from fleet_quadruped.body.posing import window
 from fleet_quadruped.body.requests import BodyRequest
 from fleet_quadruped.body_client import BodyClient
+from fleet_quadruped.can.relay import received
 from fleet_quadruped.config import QuadrupedConfig
 from fleet_quadruped.process import BodyProcess
+from fleet_quadruped.recorded import CHANNELS, TOLERANCE, RecordedDog
 from fleet_quadruped.reports import BodyReporter
 from fleet_quadruped.robot.description import DogDescription
 from fleet_quadruped.robot.names import JOINTS
@@ -59,6 +61,8 @@ class QuadrupedAdapter(Adapter[QuadrupedConfig]):
     limits = Limits(speed=0.8, yaw_rate=1.0)
     separation = Separation(radius=0.6, braking=1.0, precedence=1)
     holonomic = True
+    replayed_channels = CHANNELS
+    replay_tolerance = TOLERANCE
     failsafe = "its body controller, a process of its own, stops the dog; the drives stop without it"
 
     def __init__(self, config: QuadrupedConfig, robot: Robot) -> None:
@@ -68,14 +72,21 @@ class QuadrupedAdapter(Adapter[QuadrupedConfig]):
         self._serves = True  # its body controller runs
         self._dog: AnyBody
 
+    @staticmethod
+    def replayed(config: Any, robot: Robot) -> RecordedDog | None:
+        """Return what reads the recorded frames of a dog whose drives we lead."""
+        body = load_body(config.body_file)
+        return RecordedDog(config, robot, body) if isinstance(body, DogDescription) else None
+
     async def connect(self) -> None:
         """Start the body controller; raises LinkLost or LinkRefused."""
         robot = self.robot
         robot.health(Health(Level.OFFLINE, "its body controller has told no state yet"))
         self._dog = load_body(self.config.body_file)
-        process = await robot.enter(BodyProcess(self.config, self._dog.leave_time))
+        frames = await robot.enter(received(self._dog.buses, robot.log))
+        process = await robot.enter(BodyProcess(self.config, self._dog.leave_time, frames.relay))
         self._reporter.begin()
-        self._body.begin(process, self._dog.dt)
+        self._body.begin(process, self._dog.dt, recorded=frames.wanted)
         robot.every(_ALIVE, self._body.send)
         robot.every(_LOOK, self._body.look)
         robot.every(_MOTION, self._reporter.report_motion)

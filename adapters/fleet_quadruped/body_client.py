@@ -27,13 +27,18 @@ class BodyClient:
         self.process: BodyProcess
         self._robot = robot
         self._ordering = threading.Lock()  # halts come from other threads; held for an instant
+        self._recorded: Callable[[], bool] = lambda: False
         self._dt = 0.0  # s of a cycle
         self._heard = 0.0  # monotonic s: the newest state, or the start
         self._news = asyncio.Event()
         self._one_request = asyncio.Lock()
 
-    def begin(self, process: BodyProcess, dt: float) -> None:
-        """Begin with a process that has started; ``dt``: seconds of one of its cycles."""
+    def begin(self, process: BodyProcess, dt: float, *, recorded: Callable[[], bool] = lambda: False) -> None:
+        """Begin with a process that has started; ``dt``: seconds of one of its cycles.
+
+        ``recorded`` says whether somebody records the frames of its buses.
+        """
+        self._recorded = recorded
         self.process, self._dt, self._heard = process, dt, self.now()
         self.send()
 
@@ -49,7 +54,10 @@ class BodyClient:
         """Change and send the order, whole, from any thread; so many stops are added."""
         with self._ordering:
             counted = {"stop": self.order.stop + stops, "halts": self.order.halts + halts}
-            self.order = msgspec.structs.replace(self.order, **changes, **counted, alive=self.now())
+            frames = self._recorded()
+            self.order = msgspec.structs.replace(
+                self.order, **changes, **counted, alive=self.now(), frames=frames
+            )
             self.process.orders.put(self.order)
 
     def look(self) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import os
+import socket
 import sys
 from types import TracebackType
 from typing import Self
@@ -26,15 +27,16 @@ DISMISSED = b"leave\n"
 class BodyProcess:
     """A running body controller; an async context manager that leaves the dog sitting and off.
 
-    ``leave``: seconds that it may take to sit the dog down.
+    ``leave``: seconds that it may take to sit the dog down. ``relay`` takes the frames of its buses.
     """
 
-    def __init__(self, config: QuadrupedConfig, leave: float) -> None:
+    def __init__(self, config: QuadrupedConfig, leave: float, relay: socket.socket | None = None) -> None:
         self._config = config
         self._leave = leave
         self._descriptors = [new_memory(), new_memory()]
         self.orders = SharedValue(self._descriptors[0], Order)
         self.states = SharedValue(self._descriptors[1], DogState)
+        self._relay = relay
         self._process: asyncio.subprocess.Process | None = None
 
     @property
@@ -72,14 +74,14 @@ class BodyProcess:
         config = self._config
         world, faults = simulation(config.link) if config.link else ("", {})
         order, state = self._descriptors
-        captures = str(config.captures_folder)
-        plan = ControlPlan(str(config.body_file), config.buses, world, faults, order, state, captures)
+        captures, relay = str(config.captures_folder), self._relay.fileno() if self._relay else -1
+        plan = ControlPlan(str(config.body_file), config.buses, world, faults, order, state, captures, relay)
         self._process = await asyncio.create_subprocess_exec(
             sys.executable,
             *("-m", "fleet_quadruped.control", msgspec.json.encode(plan).decode()),
             stdin=asyncio.subprocess.PIPE,
             stdout=asyncio.subprocess.PIPE,
-            pass_fds=self._descriptors,
+            pass_fds=[*self._descriptors, relay] if self._relay else self._descriptors,
             start_new_session=True,  # Ctrl-C at the terminal is for the edge: the dog sits down first
         )
 

@@ -13,7 +13,7 @@ from fleet_quadruped.robot.description import DogDescription, Joint
 _EVERY = 0.1  # s between two lines of the farthest joint
 
 
-class _Silent:
+class SilentBus:
     """A bus that carries nothing: drives are only told what was heard then."""
 
     def __init__(self, name: str) -> None:
@@ -35,7 +35,7 @@ class Replay:
 
     def __init__(self, dog: DogDescription) -> None:
         self.dog = dog
-        self.drives = drives_of(dog, {name: _Silent(name) for name in dog.buses})
+        self.drives = drives_of(dog, {name: SilentBus(name) for name in dog.buses})
         self.wanted: dict[str, float] = {}
         self.told: tuple[JointFeedback, ...] = self.drives.feedback(0.0).each()
 

@@ -6,7 +6,7 @@ import asyncio
 import contextlib
 import math
 from collections.abc import Mapping, Sequence
-from typing import Annotated, ClassVar, TypeVar
+from typing import Annotated, Any, ClassVar, TypeVar
 
 from fleet import (
     Adapter,
@@ -46,6 +46,11 @@ _Tilt = Annotated[float, Range(-math.pi / 6, math.pi / 2, "rad")]
 _Delta = Annotated[float, Range(-math.tau, math.tau, "rad")]
 
 
+def _replayed(config: Any, robot: Robot) -> UgvAdapter:
+    """Return the adapter itself for a replay: it reaches nothing but its link."""
+    return UgvAdapter(config, robot)
+
+
 class UgvAdapter(Adapter[UgvConfig]):
     """Drives a wheeled base, reports its odometry and battery, and stops it whatever fails."""
 
@@ -54,6 +59,7 @@ class UgvAdapter(Adapter[UgvConfig]):
     separation: ClassVar[Separation] = Separation(radius=0.4, braking=1.0, precedence=2)
     combines_keys: ClassVar[bool] = True
     simulation = staticmethod(simulated_base)
+    replayed = staticmethod(_replayed)
 
     def __init__(self, config: UgvConfig, robot: Robot) -> None:
         super().__init__(config, robot)

@@ -102,6 +102,10 @@ _STOPS = (
 """Rules of every valid certificate, with or without a role: it may stop (ADR 0010)."""
 
 
+_NO_FRAMES = _Rule(("put",), ("fleet/*/frames/*",), "deny", flow="egress")
+"""The bytes on the links are for who records: a console, or a program of the edge's own computer."""
+
+
 def rules_of(role: Role, name: str, edge: str, access: Access) -> tuple[_Rule, ...]:
     """Return the rules of one identity on the bus of an edge, in addition to the common ones."""
     if role == "router":
@@ -111,6 +115,7 @@ def rules_of(role: Role, name: str, edge: str, access: Access) -> tuple[_Rule, .
     if role == "program":
         channels = (*PROGRAM_CHANNELS, *access.channels)
         return (
+            _NO_FRAMES,
             _Rule((*_SAY, *_ANSWER), tuple(f"cw/*/data/{channel}/**" for channel in channels)),
             _Rule(_ANSWER, ("fleet/*/robots/*/video",)),
         )
@@ -120,6 +125,7 @@ def rules_of(role: Role, name: str, edge: str, access: Access) -> tuple[_Rule, .
     own = (f"fleet/{name}", f"fleet/{name}/**")
     coordinated = (f"fleet/{edge}/coordinator", f"fleet/{edge}/robots/*/command")
     return (
+        _NO_FRAMES,
         *((_Rule(("query",), coordinated),) if name in access.coordinators else ()),
         _Rule((*_SAY, *_ANSWER, "liveliness_token"), own),
         _Rule((*_SAY, *_ANSWER), (_REPORTS,)),
@@ -145,8 +151,10 @@ def _worker_rules(name: str, edge: str) -> tuple[_Rule, ...]:
     """Return the rules of a worker of this edge: the keys of its robots, and its own heartbeat."""
     robots, own = f"fleet/{edge}/robots/*", f"fleet/{edge}/workers/{name}"
     return (
+        _NO_FRAMES,
         _Rule(("liveliness_token",), (own, robots, f"fleet/{edge}/claims/*/*")),
         _Rule(_SAY, (f"{own}/beat", f"{robots}/state", f"fleet/{edge}/places/{name}", _REPORTS)),
+        _Rule(_SAY, (f"fleet/{edge}/frames/{name}",)),
         _Rule(("query",), (f"{robots}/video",)),
         _Rule(_ANSWER, (f"{robots}/command", f"{robots}/state", f"fleet/{edge}/stop", _REPORTS)),
         _Rule(_ANSWER, (f"{robots}/command{keys.CONSOLE}", f"{robots}/description", f"fleet/{edge}/history")),

@@ -18,6 +18,7 @@ key                                    what
 ``fleet/{edge}/robots/{robot}/state``  publication, and query for the last: a robot's state
 ``fleet/{edge}/held``                 publication: robots of its workers that stop inputs hold, and why
 ``fleet/{edge}/places/{process}``      publication: positions and destinations of a process's robots
+``fleet/{edge}/frames/{process}``      publication: bytes on the links of a process, while somebody records
 ``fleet/{edge}/holders``               publication: other holders of the edge's twins, seen in the cloud
 ``fleet/{edge}/health``                publication, and query for the last: the edge's state
 ``fleet/{edge}/schedules``             query: list its schedules, switch one, or start it now
@@ -104,6 +105,11 @@ def holders(edge_id: str) -> str:
 def places(edge_id: str, process: str) -> str:
     """Return the key on which a process publishes the positions of its robots; ``*`` is every process."""
     return f"fleet/{edge_id}/places/{process}"
+
+
+def frames(edge_id: str, process: str) -> str:
+    """Return the key on which a process publishes the bytes on its links; ``*`` is every process."""
+    return f"fleet/{edge_id}/frames/{process}"
 
 
 def state(edge_id: str, name: str) -> str:

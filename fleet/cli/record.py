@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import asyncio
 import math
-import re
 from pathlib import Path
 
 import click
@@ -13,6 +12,7 @@ import msgspec
 from fleet.bus.settings import runtime_dir
 from fleet.cli.options import reach_option
 from fleet.cli.output import ExitCode, Output, counted, with_output
+from fleet.cli.times import length as length_option
 from fleet.cli.times import since as time_of
 from fleet.cli.times import since_option, when
 from fleet.client.edges import settings_of
@@ -21,19 +21,6 @@ from fleet.host.runtime.termination_signals import end_by_signal
 from fleet.record.child import EXTRA, is_installed
 from fleet.record.task import FOLDER, MIB, RecordTask
 from fleet.runtime.event_loop import run
-
-_LENGTH = re.compile(r"(\d+(?:\.\d+)?) ?(s|min|h)")
-_SECONDS = {"s": 1.0, "min": 60.0, "h": 3600.0}
-
-
-def _length(_context: click.Context, _option: click.Parameter, text: str | None) -> float:
-    """Return the seconds of ``30s``, ``10min`` or ``1h``; endless for nothing said."""
-    if text is None:
-        return math.inf
-    found = _LENGTH.fullmatch(text.strip())
-    if found is None:
-        raise click.BadParameter(f"{text!r} is no length of time: write 30s, 10min or 1h")
-    return float(found[1]) * _SECONDS[found[2]]
 
 
 def _until(context: click.Context, option: click.Parameter, text: str | None) -> float:
@@ -58,7 +45,9 @@ of_file_option = click.option("-f", "--file", type=click.Path(), help="The fleet
     show_default=True,
     help="The folder, for this recorder alone.",
 )
-@click.option("--for", "length", callback=_length, help="How long: 30s, 10min, 1h. Left out: until Ctrl-C.")
+@click.option(
+    "--for", "length", callback=length_option, help="How long: 30s, 10min, 1h. Left out: until Ctrl-C."
+)
 @reach_option
 @with_output
 @click.pass_context

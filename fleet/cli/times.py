@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 import time
 from datetime import UTC, datetime
@@ -9,6 +10,7 @@ from datetime import UTC, datetime
 import click
 
 _AGO = re.compile(r"(\d+(?:\.\d+)?)\s*(s|min|m|h|d|w)")
+_LENGTH = re.compile(r"(\d+(?:\.\d+)?) ?(s|min|h)")
 _UNITS = {"s": 1.0, "min": 60.0, "m": 60.0, "h": 3600.0, "d": 86400.0, "w": 604800.0}
 
 
@@ -23,6 +25,16 @@ def since(_context: click.Context, _option: click.Parameter, text: str | None) -
         return datetime.fromisoformat(text).timestamp()
     except ValueError:
         raise click.BadParameter(f"{text!r} is neither like 30m, 1h, 2d nor a date like 2026-11-22") from None
+
+
+def length(_context: click.Context, _option: click.Parameter, text: str | None) -> float:
+    """Return the seconds of ``30s``, ``10min`` or ``1h``; endless for nothing said."""
+    if text is None:
+        return math.inf
+    found = _LENGTH.fullmatch(text.strip())
+    if found is None:
+        raise click.BadParameter(f"{text!r} is no length of time: write 30s, 10min or 1h")
+    return float(found[1]) * _UNITS[found[2]]
 
 
 since_option = click.option(

@@ -11,6 +11,7 @@ from weakref import WeakValueDictionary
 from fleet.errors import LinkLost
 from fleet.link.base import Address, LinkStats, Receiver
 from fleet.link.link_end import LinkEnd
+from fleet.link.tap import tap_of
 
 
 class MemoryLink:
@@ -22,6 +23,7 @@ class MemoryLink:
         self._robot = robot
         self._receiver = receiver
         self._ending = LinkEnd(url)
+        self._tap = tap_of(url)
         self._loop = asyncio.get_running_loop()
 
     def fileno(self) -> int:
@@ -33,6 +35,8 @@ class MemoryLink:
         if self._ending.ended:
             raise self._ending.error()
         self.stats.sent += 1
+        if (note := self._tap.note) is not None:
+            note("out", data)
         self._robot.take(data)
 
     def arrive(self, data: bytes) -> None:
@@ -43,6 +47,8 @@ class MemoryLink:
         """Give bytes to the receiver, unless the link ended before this call was scheduled."""
         if not self._ending.ended:
             self.stats.received += 1
+            if (note := self._tap.note) is not None:
+                note("in", data)
             self._receiver(data, None)
 
     def fall(self, reason: str) -> None:

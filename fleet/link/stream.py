@@ -18,6 +18,7 @@ from collections.abc import Callable
 from fleet.errors import LinkLost
 from fleet.link.base import Address, LinkStats, Receiver
 from fleet.link.link_end import LinkEnd
+from fleet.link.tap import tap_of
 
 _PIECE = 65536  # bytes read per wake-up
 CloseDescriptor = Callable[[bool], None]  # True: discard unsent bytes
@@ -46,6 +47,7 @@ class StreamLink:
         self._close_descriptor = close_descriptor
         self._closed = False
         self._ending = LinkEnd(url)
+        self._tap = tap_of(url)
         # Held for one system call: a thread must not write to a descriptor that was closed and then reused.
         self._lock = threading.Lock()
         self._loop = asyncio.get_running_loop()
@@ -68,6 +70,8 @@ class StreamLink:
                 self.stats.dropped += 1
                 raise
             self.stats.sent += 1
+            if (note := self._tap.note) is not None:
+                note("out", data)
 
     def unsent(self) -> int:
         """Return the number of bytes that wait in the kernel, 0 once the link has ended; from any thread."""
@@ -105,6 +109,8 @@ class StreamLink:
             self._fall("the other side closed it")
             return
         self.stats.received += 1
+        if (note := self._tap.note) is not None:
+            note("in", data)
         self._receiver(data, None)
 
     def _fall(self, reason: str) -> None:

@@ -13,6 +13,7 @@ from fleet.errors import LinkLost, LinkRefused
 from fleet.link.base import Address, LinkStats, Receiver
 from fleet.link.link_end import LinkEnd
 from fleet.link.resolve import addresses_of
+from fleet.link.tap import tap_of
 
 _LARGEST = 65535  # bytes, the largest datagram
 _BATCH = 8  # datagrams read per wake-up: a flood, or fifty robots at once, must not block the loop
@@ -34,6 +35,7 @@ class UdpLink:
         self._peer = peer
         self._learns = peer is None
         self._ending = LinkEnd(url)
+        self._tap = tap_of(url)
         # Held for one system call: a thread must not write to a descriptor that was closed and then reused.
         self._lock = threading.Lock()
         self._loop = asyncio.get_running_loop()
@@ -53,6 +55,8 @@ class UdpLink:
             # datagram: so try a second time.
             if target is not None and (self._sent(data, target) or self._sent(data, target)):
                 self.stats.sent += 1
+                if (note := self._tap.note) is not None:
+                    note("out", data, target)
             else:
                 self.stats.dropped += 1
 
@@ -79,6 +83,8 @@ class UdpLink:
             if self._learns:
                 self._peer = address
             self.stats.received += 1
+            if (note := self._tap.note) is not None:
+                note("in", data, address)
             self._receiver(data, address)
             if self._ending.ended:
                 return

@@ -11,6 +11,7 @@ memory:NAME                             a robot in this process, for tests
 from __future__ import annotations
 
 import contextlib
+import contextvars
 import importlib.util
 import re
 from collections.abc import AsyncIterator, Awaitable, Callable
@@ -134,12 +135,21 @@ _OPENERS: dict[str, Callable[[LinkUrl, Receiver], Awaitable[Link]]] = {
 }
 
 
+OPENER: contextvars.ContextVar[Callable[[str, Receiver], Awaitable[Link]] | None] = contextvars.ContextVar(
+    "opener", default=None
+)
+"""What opens links instead, in a replay; None: the links themselves are opened."""
+
+
 async def open_link(url: str, receiver: Receiver) -> Link:
     """Open a link; ``receiver(data, address)`` is called on this loop with received bytes; must not raise.
 
     Raises LinkRefused when a person must act (bad URL, port in use, no permission, missing extra) and
     LinkLost when a retry may succeed (no answer, device not plugged in).
     """
+    opener = OPENER.get()
+    if opener is not None:
+        return await opener(url, receiver)
     parts = parse_link_url(url)
     return await _OPENERS[parts.scheme](parts, receiver)
 

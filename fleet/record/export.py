@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import os
+import struct
 from collections.abc import Iterator
 from datetime import datetime
 from pathlib import Path
@@ -19,7 +20,7 @@ from fleet.errors import StateError
 from fleet.record.file import CHUNK
 from fleet.record.ring import files_in
 
-_BROKEN = (McapError, EOFError, ValueError, UnicodeDecodeError)
+_BROKEN = (McapError, EOFError, ValueError, UnicodeDecodeError, struct.error)
 
 
 class Recorded(msgspec.Struct, frozen=True):
@@ -36,10 +37,10 @@ def recorded_in(folder: Path) -> list[Recorded]:
     """Return the files of a folder, the oldest first; raises StateError when there is no such folder."""
     if not folder.is_dir():
         raise StateError(f"there is no folder {folder}: nothing was recorded there")
-    return [_recorded(path) for path in files_in(folder)]
+    return [recorded(path) for path in files_in(folder)]
 
 
-def _recorded(path: Path) -> Recorded:
+def recorded(path: Path) -> Recorded:
     """Return what is known of a file: by its index, else by its name and when it was written last."""
     found = path.stat()
     try:
@@ -90,7 +91,7 @@ def _copy(files: list[Recorded], output: IO[bytes], since: float, until: float) 
     schemas: dict[str, int] = {}
     channels: dict[tuple[str, str], int] = {}
     count = 0
-    for schema, channel, message in _messages(files, since, until):
+    for schema, channel, message in messages_of(files, since, until):
         name = schema.name if schema is not None else ""
         if schema is not None and name not in schemas:
             schemas[name] = writer.register_schema(name, schema.encoding, schema.data)
@@ -111,7 +112,7 @@ def _copy(files: list[Recorded], output: IO[bytes], since: float, until: float) 
     return count
 
 
-def _messages(
+def messages_of(
     files: list[Recorded], since: float, until: float
 ) -> Iterator[tuple[Schema | None, Channel, Message]]:
     """Yield the messages of a window; a file that is cut off ends where it is."""

@@ -1,8 +1,8 @@
 """One MCAP file of a recording, which can be read at any time, also after its writer was killed.
 
 Each flush writes the chunk in progress and, behind it, the end of an MCAP file without an index; the next
-flush overwrites that end. A closed file has its index. A writer that was killed within a write may leave
-half a record: ``repair`` cuts it off. Source: https://mcap.dev/spec.
+flush overwrites that end. A closed file has its index. A writer that was killed while it wrote that, or
+whose disk was full, may leave half a record: ``repair`` cuts it off. Source: https://mcap.dev/spec.
 """
 
 from __future__ import annotations
@@ -56,9 +56,19 @@ class _Output:
         return self._written + len(self._waiting)
 
     def flush(self, end: bytes = END) -> None:
-        """Write what waits, and the end of the file behind it; raises OSError, and can be called again."""
+        """Write what waits, and the end of the file behind it; raises OSError, and can be called again.
+
+        The end that there was is overwritten last, by a write of a few bytes: until then the file ends for a
+        reader where it ended before, also for one that reads now, or after this process was killed.
+        """
         if self._waiting or not end:
-            _write(self._file, bytes(self._waiting) + end, self._written)
+            data, head = bytes(self._waiting), len(END)
+            if not self._written:
+                _write(self._file, data + end, 0)
+            else:
+                _write(self._file, end, self._written + len(data))
+                _write(self._file, data[head:], self._written + head)
+                _write(self._file, data[:head], self._written)
             self._written += len(self._waiting)
             self._waiting.clear()
 

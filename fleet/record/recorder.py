@@ -74,8 +74,14 @@ class Recorder:
         except (OSError, StateError) as error:
             self._fail(error)
         else:
-            lost = f"{dropped} samples were not recorded: the disk of {self._ring.folder} is too slow"
-            self._tell(lost if dropped else "")
+            self._tell(self._losses(dropped))
+
+    def _losses(self, dropped: int) -> str:
+        """Return in words what was not recorded; ``dropped`` samples waited for the disk."""
+        frames = self._reader.take_lost()
+        if dropped:
+            return f"{dropped} samples were not recorded: the disk of {self._ring.folder} is too slow"
+        return f"{frames} frames of links were not recorded: there were too many" if frames else ""
 
     def _record(
         self, samples: list[tuple[int, str, str, bytes]], events: list[tuple[int, str, Record]]

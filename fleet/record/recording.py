@@ -100,6 +100,7 @@ class _Joined:
         for key in published(edge):
             bus.control.subscribe(key, partial(self._recorder.take, edge))
         bus.reports.gather(REPORTS, partial(self._recorder.take_many, edge))
+        bus.reports.gather(keys.frames(edge, "*"), partial(self._recorder.take_many, edge))
 
     def ask_history(self, edge: str, control: ZenohSession) -> None:
         """Ask for the newest events of an edge."""

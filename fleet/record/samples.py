@@ -10,6 +10,7 @@ from typing import Any
 import msgspec
 
 from fleet.history.record import Record
+from fleet.link.tap import LinkFrames
 from fleet.missions.report import RunState
 from fleet.model.state import EdgeState, RobotState
 from fleet.record.messages import Message, placement_message, report_messages, unread
@@ -25,6 +26,8 @@ class SampleReader:
 
     def __init__(self) -> None:
         self._robots: dict[str, tuple[str, str]] = {}
+        self._told_frames: dict[str, tuple[int, int]] = {}  # number and dropped of each process, the last
+        self._lost = 0
 
     def read(self, edge: str, key: str, payload: bytes) -> list[Message]:
         """Return what to record of a sample that came by the bus of an edge.
@@ -46,6 +49,11 @@ class SampleReader:
         except (msgspec.DecodeError, ValueError, RecursionError):
             return [unread(topic, payload)]
 
+    def take_lost(self) -> int:
+        """Return how many frames, or messages of them, did not come since the last call."""
+        lost, self._lost = self._lost, 0
+        return lost
+
     def _of_edge(self, topic: str, inner: list[str], payload: bytes) -> list[Message]:
         """Return what an edge publishes itself; raises for what cannot be read."""
         kind = inner[0] if inner else ""
@@ -57,9 +65,20 @@ class SampleReader:
         if kind == "runs":
             decode_json(payload, RunState)
             return [Message(topic.rpartition("/")[0], "fleet.RunState", payload)]
+        if kind == "frames":
+            return self._of_links(topic, decode_json(payload, LinkFrames), payload)
         document: object = decode_json(payload, Any)
         is_object = isinstance(document, dict)
         return [Message(topic, DOCUMENT, payload if is_object else _encode({"value": document}))]
+
+    def _of_links(self, topic: str, told: LinkFrames, payload: bytes) -> list[Message]:
+        """Return the frames of a link, and count those that did not come."""
+        number, dropped = self._told_frames.get(topic, (told.number - 1, 0))
+        if told.number > number:  # else its process has begun anew
+            self._lost += told.number - number - 1 + max(0, told.dropped - dropped)
+        self._told_frames[topic] = told.number, told.dropped
+        edge = topic.split("/")[1]
+        return [Message(f"/{edge}/{told.robot}/frames", "fleet.LinkFrames", payload, told.stamp)]
 
     def _state(self, state: RobotState) -> list[Message]:
         """Return a robot's state, and where its world is in the site frame."""

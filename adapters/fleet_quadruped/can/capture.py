@@ -13,7 +13,7 @@ import logging
 import re
 import threading
 from collections import deque
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import NamedTuple
 
@@ -38,8 +38,11 @@ class Captured(NamedTuple):
 class CapturedBus:
     """A bus whose frames are noted in a ring as they come and go."""
 
-    def __init__(self, bus: CanBus, ring: deque[Captured], clock: Clock) -> None:
+    def __init__(
+        self, bus: CanBus, ring: deque[Captured], clock: Clock, also: Callable[[Captured], None]
+    ) -> None:
         self.name = bus.name
+        self._also = also
         self._bus = bus
         self._ring = ring
         self._clock = clock
@@ -51,15 +54,21 @@ class CapturedBus:
 
     def send(self, frame: CanFrame) -> None:
         """Send a frame, or drop and count it."""
-        self._ring.append(Captured(self._clock.time(), self.name, frame, sent=True))
+        self._note(Captured(self._clock.time(), self.name, frame, sent=True))
         self._bus.send(frame)
 
     def receive(self, wait: float) -> list[CanFrame]:
         """Return what has arrived; raises LinkLost."""
         frames = self._bus.receive(wait)
         now = self._clock.time() if frames else 0.0
-        self._ring.extend(Captured(now, self.name, frame, sent=False) for frame in frames)
+        for frame in frames:
+            self._note(Captured(now, self.name, frame, sent=False))
         return frames
+
+    def _note(self, captured: Captured) -> None:
+        """Note a frame."""
+        self._ring.append(captured)
+        self._also(captured)
 
     def close(self) -> None:
         """Close the bus."""
@@ -67,12 +76,21 @@ class CapturedBus:
 
 
 class Capture:
-    """Notes what is on all buses of a dog. ``buses`` are to be used instead of those that are given."""
+    """Notes what is on all buses of a dog. ``buses`` are to be used instead of those that are given.
 
-    def __init__(self, buses: Mapping[str, CanBus], folder: Path, clock: Clock) -> None:
+    ``also`` is given each frame as well.
+    """
+
+    def __init__(
+        self,
+        buses: Mapping[str, CanBus],
+        folder: Path,
+        clock: Clock,
+        also: Callable[[Captured], None] = lambda _captured: None,
+    ) -> None:
         self._ring: deque[Captured] = deque(maxlen=FRAMES)
         self.buses: dict[str, CanBus] = {
-            name: CapturedBus(bus, self._ring, clock) for name, bus in buses.items()
+            name: CapturedBus(bus, self._ring, clock, also) for name, bus in buses.items()
         }
         self._folder = folder
         self._clock = clock

@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import logging
 import signal
+import socket
 import sys
 from collections.abc import Iterator
 from pathlib import Path
@@ -24,7 +25,8 @@ from fleet import (
 )
 from fleet_quadruped.any_description import AnyBody, load_body
 from fleet_quadruped.can.bus_guard import require_sole_controller
-from fleet_quadruped.can.capture import Capture
+from fleet_quadruped.can.capture import Capture, Captured
+from fleet_quadruped.can.relay import FrameSender
 from fleet_quadruped.control.controller import Controller
 from fleet_quadruped.control.exchange import SharedValue
 from fleet_quadruped.control.loop import Loop
@@ -83,7 +85,8 @@ def _run(plan: ControlPlan, clock: Clock) -> None:
             buses = {
                 name: stack.enter_context(_opened(name, url, body, clock)) for name, url in plan.buses.items()
             }
-        capture = Capture(buses, Path(plan.captures), clock)
+        relay = _relay(plan.relay, stack)
+        capture = Capture(buses, Path(plan.captures), clock, relay.take if relay else _nobody)
         stack.callback(capture.finish)
         buses = capture.buses
         controller = (
@@ -95,7 +98,20 @@ def _run(plan: ControlPlan, clock: Clock) -> None:
         _say(Word(ready=True))
         moved = machine.advance if machine else None
         owner = sys.stdin.fileno()
-        Loop(controller, buses, Memory(plan), clock, owner=owner, moved=moved, capture=capture).run()
+        Loop(
+            controller, buses, Memory(plan), clock, owner=owner, moved=moved, capture=capture, relay=relay
+        ).run()
+
+
+def _relay(descriptor: int, stack: contextlib.ExitStack) -> FrameSender | None:
+    """Return what passes frames on to a recorder; None without a descriptor (-1)."""
+    if descriptor < 0:
+        return None
+    return FrameSender(stack.enter_context(socket.socket(fileno=descriptor)))
+
+
+def _nobody(_captured: Captured) -> None:
+    """Take a frame that is passed on to nobody."""
 
 
 def _begin(machine: SimulatedMachine, faults: dict[str, float]) -> None:

@@ -14,6 +14,7 @@ import msgspec
 
 from fleet import CanBus, CanFrame, Clock, interpreter_settings
 from fleet_quadruped.can.capture import Capture
+from fleet_quadruped.can.relay import FrameSender
 from fleet_quadruped.control.orders import DogState, Order, Timing
 from fleet_quadruped.safety.stages import MEANT
 
@@ -90,7 +91,7 @@ class Loop:
     """Runs a controller on open buses until it is told to leave and the dog is off.
 
     ``moved`` is called with the cycle's seconds after each cycle: a simulated dog in this process moves then.
-    ``capture`` writes down what was on the buses when a fault latches.
+    ``capture`` writes down what was on the buses when a fault latches, ``relay`` passes it to a recorder.
     ``owner`` is a descriptor whose end of file ends the loop. Bytes before it say that the end is meant;
     without any, the adapter's process has died.
     """
@@ -105,6 +106,7 @@ class Loop:
         owner: int | None = None,
         moved: Callable[[float], None] | None = None,
         capture: Capture | None = None,
+        relay: FrameSender | None = None,
     ) -> None:
         self._controller = controller
         self._buses = buses
@@ -113,6 +115,7 @@ class Loop:
         self._owner = owner
         self._moved = moved
         self._capture = capture
+        self._relay = relay
         self._orphan = self._dismissed = False
         self._priority = False
         self._cycles = self._overruns = self._incomplete = 0
@@ -163,6 +166,8 @@ class Loop:
         end = self._clock.monotonic()
         self._count(end, end - now)
         self._exchange.put(self._captured(controller.state(end, self._timing())))
+        if self._relay is not None:
+            self._relay.end_cycle(wanted=order.frames)
         if self._moved is not None:
             self._moved(dt)
         return order

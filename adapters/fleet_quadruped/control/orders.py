@@ -24,7 +24,7 @@ class Order(msgspec.Struct, frozen=True):
 
     ``joints``: where each is led, rad, in the order of ``JOINTS``, None or left out where it is not; until
     ``joints_until``. ``stop`` counts emergency stops, ``halts`` all stops: a higher number than before is
-    one. ``lamp``: None leaves it alone.
+    one. ``lamp``: None leaves it alone. ``frames``: somebody records what is on the buses.
     """
 
     x: float = 0.0
@@ -40,6 +40,7 @@ class Order(msgspec.Struct, frozen=True):
     halts: int = 0
     lamp: bool | None = None
     leave: bool = False
+    frames: bool = False
 
     @property
     def twist(self) -> Twist:

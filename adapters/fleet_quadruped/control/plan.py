@@ -8,7 +8,8 @@ import msgspec
 class ControlPlan(msgspec.Struct, frozen=True):
     """The dog, its buses by name (URLs) or its simulated world, and the shared memory's descriptors.
 
-    ``captures`` is the folder for what was on the buses before a fault.
+    ``relay`` is the descriptor by which frames go to a recorder. ``captures`` is the folder for what was on
+    the buses before a fault.
     """
 
     body: str
@@ -18,6 +19,7 @@ class ControlPlan(msgspec.Struct, frozen=True):
     order: int
     state: int
     captures: str
+    relay: int
 
 
 class Word(msgspec.Struct, frozen=True, omit_defaults=True):

@@ -1,7 +1,7 @@
 """A changed fleet.yaml, taken over by the running edge: robot by robot, and what fails is taken back.
 
 The edge reads its own file again; nothing of a configuration comes over the bus. What needs a restart is only
-told (``fleet.config.difference``). Docs: docs/adr/0020-changes-of-a-running-edge.md.
+told (``fleet.config.difference``). Docs: docs/adr/0021-changes-of-a-running-edge.md.
 """
 
 from __future__ import annotations

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import contextvars
 import logging
 import os
 from collections.abc import Callable, Iterable, Mapping
@@ -20,6 +21,7 @@ from fleet.history.store import History
 from fleet.host.journal.journal import Journal
 from fleet.host.logs.rotating_file import log_and_flush
 from fleet.host.process.console_requests import ConsoleRequests
+from fleet.host.process.frame_publisher import FramePublisher
 from fleet.host.process.robot_runs import RobotRuns
 from fleet.host.process.setpoints import take_setpoints
 from fleet.host.process.twin_claims import TwinClaims
@@ -35,6 +37,7 @@ from fleet.host.runtime.shared_resources import SharedResources
 from fleet.host.runtime.threads import HALT_WAIT, run_in_thread, run_in_turn
 from fleet.host.runtime.tick_scheduler import TickScheduler
 from fleet.host.runtime.watchdog import LoopWatch, Watchdog
+from fleet.link.tap import OPENING
 from fleet.model.command import Reply, ReplyStatus, Transport
 from fleet.robot_config import MAIN
 from fleet.runtime.decoding import decode_json
@@ -95,6 +98,7 @@ class RobotProcess:
         self.loop = asyncio.get_running_loop()
         self.scheduler = TickScheduler(self.loop, clock)
         self.outbox = ReportQueue(bus.reports)
+        self._frames = FramePublisher(keys.frames(edge, worker or MAIN), bus.reports, clock)
         self.supervised = supervised or SupervisorClient()
         self._thread = LoopMonitor(self.loop)
         self.starvation = CpuStarvation(clock.monotonic(), self._thread.waited())
@@ -136,8 +140,11 @@ class RobotProcess:
         self.on_stop: Callable[[tuple[str, ...], StopCause], None] = lambda _names, _cause: None
 
     def _make(self, spec: RobotSpec) -> LocalRobot:
-        """Build one robot."""
-        return LocalRobot(
+        """Build one robot; the links that it opens leave copies of their frames for a recorder."""
+        context = contextvars.copy_context()
+        context.run(OPENING.set, self._frames.opening(spec.config.name, spec.plugin.redaction))
+        return context.run(
+            LocalRobot,
             spec.config,
             spec.plugin,
             adapter=spec.adapter,
@@ -172,6 +179,7 @@ class RobotProcess:
         self.scheduler.every(STATE_EVERY, self._look_at_processor)
         self.claims.start()
         self.scheduler.at_end(self.outbox.flushing)
+        self.scheduler.at_end(self._frames.flushing)
         self.scheduler.start()
         self.watchdog.start()
 

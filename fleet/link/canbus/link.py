@@ -15,6 +15,7 @@ from fleet.link.base import Address, LinkStats, Receiver
 from fleet.link.canbus.bus import BusUrl, OpenCanBus, parse_link
 from fleet.link.canbus.frame import CanFrame
 from fleet.link.link_end import LinkEnd
+from fleet.link.tap import tap_of
 
 _POLL = 0.05  # s that one reading waits: how long closing takes at most
 _BACKLOG = 4096  # frames that wait for the loop; of more the oldest are dropped and counted
@@ -33,6 +34,7 @@ class CanLink:
         self._receiver = receiver
         self._fd = fd
         self._ending = LinkEnd(url)
+        self._tap = tap_of(url)
         self._loop = asyncio.get_running_loop()
         self._lock = threading.Lock()  # python-can's interfaces send from one thread at a time
         self._arrived: deque[CanFrame] = deque(maxlen=_BACKLOG)
@@ -66,6 +68,8 @@ class CanLink:
         if self._bus.dead:
             raise self._ending.fall(self._bus.dead)
         self.stats.sent += 1
+        if (note := self._tap.note) is not None:
+            note("out", data)
 
     async def lost(self) -> None:
         """Wait until the bus dies, then raise LinkLost with the reason."""
@@ -106,7 +110,10 @@ class CanLink:
             if self._ending.ended or not self._arrived:
                 return
             self.stats.received += 1
-            self._receiver(self._arrived.popleft().packed(), None)
+            data = self._arrived.popleft().packed()
+            if (note := self._tap.note) is not None:
+                note("in", data)
+            self._receiver(data, None)
         if not self._due:
             self._due = True
             self._loop.call_soon(self._hand_over)

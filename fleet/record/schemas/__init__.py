@@ -12,6 +12,7 @@ from typing import Any, get_args
 import msgspec
 
 from fleet.history.record import Record
+from fleet.link.tap import LinkFrames
 from fleet.missions.report import RunState
 from fleet.model.report import Report
 from fleet.model.state import EdgeState, RobotState
@@ -29,8 +30,9 @@ _OPEN: Mapping[str, dict[str, Any]] = MappingProxyType(
         UNREAD: {"properties": {"data": {"type": "string", "contentEncoding": "base64"}}},
     }
 )
+_BESIDE_REPORTS = (RobotState, EdgeState, RunState, Record, LinkFrames)
 OWN: Mapping[str, type[msgspec.Struct]] = MappingProxyType(
-    {f"fleet.{kind.__name__}": kind for kind in (*get_args(Report), RobotState, EdgeState, RunState, Record)}
+    {f"fleet.{kind.__name__}": kind for kind in (*get_args(Report), *_BESIDE_REPORTS)}
 )
 """Our own types, by the name of their schema."""
 _SCALARS = frozenset({"string", "number", "integer", "boolean"})

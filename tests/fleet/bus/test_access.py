@@ -39,6 +39,8 @@ PUT = {
     "fleet/yard/workers/arms/halt": {"hub"},
     "fleet/yard/places/arms": {"arms", "hub"},
     "fleet/yard/places/main": {"hub"},
+    "fleet/yard/frames/arms": {"arms", "hub"},
+    "fleet/yard/frames/main": {"hub"},
     "fleet/yard/holders": {"hub"},
     "fleet/yard/held": {"hub"},
     f"cw/{OURS}/data/streams/front": {"planner", "arms", "hub"},
@@ -261,6 +263,21 @@ def test_who_has_no_role_hears_nothing(yard, joined):
     assert (answered, list(heard.queue)) == ([[], []], [])
 
 
+def test_what_is_on_the_links_is_shown_only_to_consoles_and_routers(yard, joined):
+    heard = {name: queue.Queue() for name in ROLES}
+    for name, told in heard.items():
+        joined(name).subscribe("fleet/**", lambda key, _payload, told=told: told.put(key))
+    frames, after = "fleet/yard/frames/main", "fleet/yard/health"
+
+    def put():
+        yard.reports.put(frames, b"{}")
+        yard.reports.put(after, b"{}")
+
+    wait_until("all hear", lambda: put() or all(after in told.queue for told in heard.values()))
+    wait_until("those who may", lambda: put() or frames in heard["desk"].queue)
+    assert {name for name, told in heard.items() if frames in told.queue} == {"desk", "hub"}
+
+
 def test_the_sdk_on_another_computer_joins_by_its_certificate(yard, opened, certificates, there, monkeypatch):
     tls = certificates("planner")
     options = f"root_ca_certificate_file={tls.root_ca};connect_certificate_file={tls.certificate};"
@@ -286,7 +303,7 @@ def test_every_key_of_the_fleet_is_given_to_somebody_or_kept():
     decided = {"edge", "robot", "claim", "claims", "command", "holders", "places", "state", "worker"}
     decided |= {"heartbeat", "halt", "health", "stop", "held", "video", "history", "description"}
     decided |= {"prepare", "starts", "starting", "schedules"}
-    decided |= {"mission", "run", "reload", "coordinator", "as_console", "changes"}
+    decided |= {"mission", "run", "reload", "coordinator", "as_console", "changes", "frames"}
     assert {name for name, _ in inspect.getmembers(keys, inspect.isfunction)} == decided
 
 

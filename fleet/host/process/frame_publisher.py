@@ -1,0 +1,37 @@
+"""The bytes on the links of one process, published while somebody records; they are left out otherwise."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from functools import partial
+
+from fleet.bus.zenoh_session import ZenohSession
+from fleet.clock import Clock
+from fleet.link.tap import FrameTap, LinkTap, Redaction
+
+EVERY = 0.1
+"""Seconds between two looks whether somebody records, and between two messages of one link."""
+
+
+class FramePublisher:
+    """Publishes on one key the frames of the links that are opened with ``opening``."""
+
+    def __init__(self, key: str, bus_session: ZenohSession, clock: Clock) -> None:
+        self.tap = FrameTap(clock)
+        self._publisher = bus_session.publisher(key)
+        self._clock = clock
+        self._due = clock.monotonic()
+
+    def opening(self, robot: str, redaction: Callable[[], Redaction | None]) -> Callable[[str], LinkTap]:
+        """Return what makes the taps of the links that are opened on behalf of a robot."""
+        return partial(self.tap.open, robot, redaction=redaction)
+
+    def flushing(self) -> Iterator[None]:
+        """Publish what waits, a few frames a step; called at the end of each turn of the scheduler."""
+        now = self._clock.monotonic()
+        if now < self._due:
+            return
+        self._due = now + EVERY
+        self.tap.switch(on=self._publisher.wanted)
+        if self.tap.is_on:
+            yield from self.tap.flushing(self._publisher.put)

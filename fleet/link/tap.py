@@ -1,0 +1,181 @@
+"""Copies of the frames of this process's links, for a recorder; nothing is copied while nobody records.
+
+A link asks its ``LinkTap`` for ``note`` before each frame, which is None while nobody records. Noting only
+appends to a bounded queue: it cannot block or fail a link. What does not fit is dropped and counted.
+"""
+
+from __future__ import annotations
+
+import contextvars
+import logging
+from collections import deque
+from collections.abc import Callable, Iterator
+from functools import partial
+from typing import Literal, Protocol
+from weakref import WeakSet
+
+import msgspec
+
+from fleet.clock import Clock
+from fleet.link.base import Address
+
+log = logging.getLogger(__name__)
+
+Way = Literal["open", "in", "out"]
+Redaction = Callable[[bytes], bytes]
+"""Takes the bytes of one direction of one link as they come; returns as many, with secrets overwritten."""
+
+MOST_WAITING = 8 * 1024 * 1024
+"""Bytes that may wait to be published; what comes then is dropped and counted."""
+OVERHEAD = 200  # bytes that a frame takes beside its own
+STEP = 32  # frames in one step of a flush
+LARGEST = 128 * 1024  # bytes of frames in one message
+
+
+class LinkFrame(msgspec.Struct, frozen=True, omit_defaults=True):
+    """One frame: Unix s, from the robot (``in``) or to it (``out``), its bytes, and its peer for datagrams.
+
+    ``open``: the link was opened then; there are no bytes. ``peer`` is HOST:PORT.
+    """
+
+    at: float
+    way: Way
+    data: bytes = b""
+    peer: str = ""
+
+
+class LinkFrames(msgspec.Struct, frozen=True, omit_defaults=True):
+    """Frames of one link, in their order; ``robot`` is the one that opened it.
+
+    ``number`` counts the messages of one process, so that a gap shows a lost one; ``dropped`` counts the
+    frames for which it had no room.
+    """
+
+    stamp: float
+    robot: str
+    link: str
+    frames: list[LinkFrame]
+    number: int = 0
+    dropped: int = 0
+
+
+class Note(Protocol):
+    """Takes a copy of a frame, from any thread; never raises."""
+
+    def __call__(self, way: Way, data: bytes, address: Address = None, *, at: float | None = None) -> None:
+        """Take direction, bytes and peer; ``at`` (Unix s) where it was not now."""
+
+
+class LinkTap:
+    """Where one open link leaves copies of its frames; ``note`` is None while nobody records."""
+
+    __slots__ = ("__weakref__", "link", "note", "redactions", "robot")
+
+    def __init__(self, robot: str = "", link: str = "") -> None:
+        self.robot = robot
+        self.link = link
+        self.note: Note | None = None
+        self.redactions: dict[Way, Redaction] = {}
+
+
+class FrameTap:
+    """The frames of the links of one process that wait to be published."""
+
+    def __init__(self, clock: Clock) -> None:
+        self.is_on = False
+        self._clock = clock
+        self._links: WeakSet[LinkTap] = WeakSet()
+        self._waiting: deque[tuple[LinkTap, float, Way, bytes, Address]] = deque()
+        self._size = 0
+        self._dropped = 0
+        self._number = 0
+
+    def open(self, robot: str, link: str, redaction: Callable[[], Redaction | None]) -> LinkTap:
+        """Return the tap of a link that is opened now."""
+        tap = LinkTap(robot, link)
+        for way in ("in", "out"):
+            redact = redaction()
+            if redact is not None:
+                tap.redactions[way] = redact
+        self._links.add(tap)
+        if self.is_on:
+            tap.note = partial(self._take, tap)
+            tap.note("open", b"")
+        return tap
+
+    def switch(self, *, on: bool) -> None:
+        """Begin or end to copy; on the event loop."""
+        if on == self.is_on:
+            return
+        self.is_on = on
+        self._waiting.clear()
+        self._size = 0
+        for tap in list(self._links):
+            tap.note = partial(self._take, tap) if on else None
+
+    def _take(
+        self, tap: LinkTap, way: Way, data: bytes, address: Address = None, *, at: float | None = None
+    ) -> None:
+        """Keep a copy of a frame; from any thread."""
+        if self._size > MOST_WAITING:
+            self._dropped += 1
+            return
+        self._size += len(data) + OVERHEAD
+        self._waiting.append((tap, self._clock.time() if at is None else at, way, data, address))
+
+    def flushing(self, put: Callable[[bytes], None]) -> Iterator[None]:
+        """Put all that waits, each message a ``LinkFrames`` as JSON; in steps, between which others run."""
+        by_link: dict[LinkTap, list[LinkFrame]] = {}
+        sizes: dict[LinkTap, int] = {}
+        for count in range(1, len(self._waiting) + 1):
+            tap, at, way, data, address = self._waiting.popleft()
+            self._size -= len(data) + OVERHEAD
+            shown = self._redacted(tap, way, data)
+            if shown is None:
+                continue
+            by_link.setdefault(tap, []).append(LinkFrame(at, way, shown, peer_of(address)))
+            sizes[tap] = sizes.get(tap, 0) + len(data)
+            if sizes[tap] > LARGEST:
+                put(self._message(tap, by_link.pop(tap)))
+                del sizes[tap]
+            if count % STEP == 0:
+                yield
+        for tap, frames in by_link.items():
+            put(self._message(tap, frames))
+            yield
+
+    def _redacted(self, tap: LinkTap, way: Way, data: bytes) -> bytes | None:
+        """Return bytes without secrets; None, and they are dropped, when an adapter's redaction fails."""
+        redact = tap.redactions.get(way)
+        if redact is None:
+            return data
+        try:
+            return redact(data)
+        except Exception:
+            if not self._dropped:
+                log.exception("the redaction of %s failed: frames are not recorded", tap.link)
+            self._dropped += 1
+            return None
+
+    def _message(self, tap: LinkTap, frames: list[LinkFrame]) -> bytes:
+        """Return a message of the frames of one link."""
+        self._number += 1
+        made = LinkFrames(frames[0].at, tap.robot, tap.link, frames, self._number, self._dropped)
+        return msgspec.json.encode(made)
+
+
+def peer_of(address: Address) -> str:
+    """Return the address of a datagram's peer as HOST:PORT, empty for a stream."""
+    return f"{address[0]}:{address[1]}" if isinstance(address, tuple) else ""
+
+
+OPENING: contextvars.ContextVar[Callable[[str], LinkTap] | None] = contextvars.ContextVar(
+    "opening", default=None
+)
+"""What makes the tap of a link that is opened on behalf of a robot; None where nothing is recorded."""
+
+
+def tap_of(link: str) -> LinkTap:
+    """Return the tap of a link that is being opened; called in the task of its robot."""
+    opening = OPENING.get()
+    return opening(link) if opening is not None else LinkTap()

@@ -1,0 +1,58 @@
+"""Reading a recording back: its messages in the order in which they were received."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from pathlib import Path
+
+import msgspec
+
+from fleet.errors import StateError
+from fleet.record.export import messages_of, recorded, recorded_in
+
+
+class ReadMessage(msgspec.Struct, frozen=True):
+    """One recorded message: its topic, the name of its schema, and its JSON.
+
+    ``received``: Unix s at which the recorder had it; ``stamp``: the Unix s that it says itself.
+    """
+
+    topic: str
+    schema: str
+    received: float
+    stamp: float
+    data: bytes
+
+    @property
+    def edge(self) -> str:
+        """The edge that it is of; empty for a report of a twin that no edge had named."""
+        edge = self.topic.split("/")[1]
+        return "" if edge == "twins" else edge
+
+    @property
+    def robot(self) -> str:
+        """The robot that it is of; what is the edge's own has another word there, or none."""
+        parts = self.topic.split("/")
+        return parts[2] if len(parts) > 3 and self.edge else ""
+
+
+def read_recording(path: Path, since: float = 0.0, until: float = math.inf) -> Iterator[ReadMessage]:
+    """Yield the messages of a file, or of a folder, that were received from ``since`` until before ``until``.
+
+    Unix s. A file that is cut off ends where it is. Raises StateError when there is nothing.
+    """
+    if path.is_dir():
+        files = [file for file in recorded_in(path) if file.ends >= since and file.begins <= until]
+    elif path.is_file():
+        files = [recorded(path)]
+    else:
+        raise StateError(f"there is no file {path}")
+    found = False
+    for schema, channel, message in messages_of(files, since, until):
+        found = True
+        name = schema.name if schema is not None else ""
+        received, stamp = message.log_time / 1e9, message.publish_time / 1e9
+        yield ReadMessage(channel.topic, name, received, stamp, message.data)
+    if not found:
+        raise StateError(f"{path} has no messages of that time, or is no MCAP file")

@@ -1,0 +1,115 @@
+"""What an adapter makes of recorded frames now, compared with what was recorded; pure."""
+
+from __future__ import annotations
+
+import math
+from bisect import bisect_left
+from collections.abc import Iterator, Mapping, Sequence
+from types import MappingProxyType
+from typing import Any
+
+import msgspec
+
+from fleet.replay.recorded_robot import Said
+
+TICK = 0.02
+"""Seconds by which the time of a report may differ: reports are published once a tick, the newest each."""
+EXACT = 1e-6
+"""By how much a number may differ: the time of a frame is known to a microsecond."""
+EVENTS = ("driverlog", "telemetry", "navigate_status", "event")
+"""Channels on which the host reports, too: what is recorded there need not be the adapter's."""
+
+
+class Difference(msgspec.Struct, frozen=True):
+    """One report that is not as it was recorded: Unix s, channel, and the members that differ in words."""
+
+    at: float
+    robot: str
+    channel: str
+    what: str
+
+    def __str__(self) -> str:
+        return f"{self.at:.3f} {self.robot} {self.channel}: {self.what}"
+
+
+def differences(
+    robot: str,
+    recorded: Mapping[str, Sequence[Said]],
+    now: Mapping[str, Sequence[Said]],
+    *,
+    since: float = -math.inf,
+    tolerance: Mapping[str, float] = MappingProxyType({}),
+) -> Iterator[Difference]:
+    """Yield what differs from ``since`` (Unix s) on, by channel and time.
+
+    Each recorded report must be made now within a tick, with the same content; of several in one tick, the
+    recorder has one. What is reported now on a channel that was not recorded at all is a difference, too.
+    ``tolerance`` is the share by which numbers may differ, by the name of their member.
+    """
+    for channel in sorted(recorded.keys() | now.keys()):
+        before, after = recorded.get(channel, ()), sorted(now.get(channel, ()), key=_stamp)
+        if _is_event(channel):
+            before, after = after, sorted(before, key=_stamp)
+        elif not before and after and after[-1].stamp >= since:
+            yield Difference(after[0].stamp, robot, channel, "was not recorded, and is reported now")
+        if _is_event(channel) and channel not in now:
+            continue
+        times = [said.stamp for said in after]
+        for said in before:
+            if said.stamp < since:
+                continue
+            what = _missing(said, after, times, tolerance, is_event=_is_event(channel))
+            if what:
+                yield Difference(said.stamp, robot, channel, what)
+
+
+def _stamp(said: Said) -> float:
+    """Return when something was said."""
+    return said.stamp
+
+
+def _is_event(channel: str) -> bool:
+    """Return whether the host reports on a channel, too."""
+    return channel.partition(":")[0] in EVENTS
+
+
+def _missing(
+    said: Said,
+    others: Sequence[Said],
+    times: Sequence[float],
+    tolerance: Mapping[str, float],
+    *,
+    is_event: bool,
+) -> str:
+    """Return what is wrong where none of the others says the same within a tick; empty where one does."""
+    first = bisect_left(times, said.stamp - TICK)
+    last = bisect_left(times, said.stamp + TICK)
+    found = ["; ".join(unequal(said.content, other.content, tolerance)) for other in others[first:last]]
+    if any(not each for each in found):
+        return ""
+    if is_event:
+        return f"was not recorded: {said.content}"
+    return min(found, key=len) if found else "was recorded, and is not reported now"
+
+
+def unequal(
+    recorded: Any, now: Any, tolerance: Mapping[str, float] = MappingProxyType({}), where: str = ""
+) -> Iterator[str]:
+    """Yield in words the members of two JSON values that differ; ``tolerance`` as for ``differences``."""
+    if isinstance(recorded, Mapping) and isinstance(now, Mapping):
+        for name in dict.fromkeys((*recorded, *now)):
+            path = f"{where}.{name}" if where else name
+            yield from unequal(recorded.get(name), now.get(name), tolerance, path)
+    elif isinstance(recorded, list) and isinstance(now, list) and len(recorded) == len(now):
+        for number, (one, other) in enumerate(zip(recorded, now, strict=True)):
+            yield from unequal(one, other, tolerance, f"{where}[{number}]")
+    elif not _is_same(recorded, now, tolerance.get(where.rpartition(".")[2], EXACT)):
+        yield f"{where}: recorded {recorded!r}, now {now!r}"
+
+
+def _is_same(one: Any, other: Any, share: float) -> bool:
+    """Return whether two plain values are the same, numbers up to a share of them."""
+    numbers = (int, float)
+    if isinstance(one, numbers) and isinstance(other, numbers):
+        return math.isclose(one, other, rel_tol=share, abs_tol=EXACT)
+    return bool(one == other)

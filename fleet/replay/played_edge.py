@@ -1,0 +1,125 @@
+"""An edge that is a recording: what it reported is put on a bus that no robot and no other edge is on."""
+
+from __future__ import annotations
+
+import logging
+from collections import deque
+from collections.abc import Callable
+from pathlib import Path
+
+import msgspec
+
+from fleet.bus import keys
+from fleet.bus.bus import open_edge
+from fleet.bus.settings import BusSettings
+from fleet.bus.zenoh_session import Query, keys_intersect
+from fleet.clock import Clock
+from fleet.history.event_filter import EventFilter, newest
+from fleet.history.record import Record
+from fleet.host.robot.report_queue import ReportQueue
+from fleet.missions.report import RunState
+from fleet.model.command import Reply, ReplyStatus
+from fleet.model.report import Report
+from fleet.model.state import EdgeState, RobotState
+from fleet.record.reading import ReadMessage
+from fleet.replay.reports import report_in
+from fleet.runtime.decoding import decode_json
+
+log = logging.getLogger(__name__)
+
+PREFIX = "replay-"
+"""What the name of an edge that is a recording begins with."""
+REMEMBERED = 10_000  # events of its history
+_REFUSAL = Reply("", ReplyStatus.REJECTED, "this is a recording that is played again: nothing here moves")
+
+
+class PlayedEdge:
+    """One recorded edge on a bus of its own below ``directory``; raises BusError.
+
+    The bus listens on sockets in that directory alone and connects to nothing. Recorded requests and stops
+    are not put on it; what is asked of its robots is refused.
+    """
+
+    def __init__(self, recorded: str, directory: Path, clock: Clock) -> None:
+        self.name = f"{PREFIX}{recorded}"
+        self._clock = clock
+        self._bus = open_edge(BusSettings(self.name), directory)
+        self._outbox = ReportQueue(self._bus.reports)
+        self._senders: dict[str, Callable[[Report], None]] = {}  # by robot
+        self._last: dict[str, bytes] = {}  # states by key
+        self._events: deque[Record] = deque(maxlen=REMEMBERED)
+        control = self._bus.control
+        for key in (keys.state(self.name, "*"), keys.health(self.name), keys.run(self.name, "*")):
+            control.answer(key, self._tell_last)
+        control.answer(keys.history(self.name), self._tell_history)
+        control.answer(keys.command(self.name, "*"), _refuse)
+        self._lives = control.token(keys.edge(self.name))
+
+    def close(self) -> None:
+        """Leave the bus."""
+        self._bus.close()
+
+    def play(self, message: ReadMessage) -> None:
+        """Put a recorded message on the bus; what is no report, state or event is left out."""
+        try:
+            self._play(message)
+        except (msgspec.DecodeError, ValueError) as error:
+            log.warning("%s: %s", message.topic, error)
+
+    def flush(self) -> None:
+        """Put the reports that were played."""
+        self._outbox.flush()
+
+    def _play(self, message: ReadMessage) -> None:
+        """Put a message on the bus; raises ValueError."""
+        now = self._clock.time()
+        if message.schema == "fleet.RobotState":
+            state = decode_json(message.data, RobotState)
+            if state.name not in self._senders:
+                self._senders[state.name] = self._outbox.sender(state.twin)
+            self._tell(keys.state(self.name, state.name), state, edge=self.name, simulated=True, stamp=now)
+        elif message.schema == "fleet.EdgeState":
+            edge = decode_json(message.data, EdgeState)
+            self._tell(keys.health(self.name), edge, edge=self.name, stamp=now)
+        elif message.schema == "fleet.RunState":
+            run = decode_json(message.data, RunState)
+            self._tell(keys.run(self.name, run.run), run, edge=self.name)
+        elif message.schema == "fleet.Record":
+            event = decode_json(message.data, Record)
+            self._events.append(msgspec.structs.replace(event, edge=""))
+        else:
+            self._report(message, now)
+
+    def _tell(self, key: str, state: msgspec.Struct, **changes: object) -> None:
+        """Publish a state, and keep it for who asks."""
+        self._last[key] = payload = msgspec.json.encode(msgspec.structs.replace(state, **changes))
+        self._bus.control.put(key, payload)
+
+    def _report(self, message: ReadMessage, now: float) -> None:
+        """Put a report of a robot whose twin is known."""
+        send = self._senders.get(message.robot)
+        report = report_in(message.schema, message.data) if send is not None else None
+        if send is not None and report is not None:
+            send(msgspec.structs.replace(report, stamp=now))
+
+    def _tell_last(self, question: Query) -> None:
+        """Answer with the last states that were asked for; on the bus's thread."""
+        for key, payload in list(self._last.items()):
+            if keys_intersect(question.asked, key):
+                question.reply(payload, key)
+        question.close()
+
+    def _tell_history(self, question: Query) -> None:
+        """Answer with the events that were played; on the bus's thread."""
+        try:
+            wanted = decode_json(question.payload, EventFilter) if question.payload else EventFilter()
+            question.reply(msgspec.json.encode(newest(list(self._events), wanted)))
+        except msgspec.DecodeError as error:
+            log.warning("a question for the history was not answered: %s", error)
+        question.close()
+
+
+def _refuse(question: Query) -> None:
+    """Refuse what is asked of a robot; on the bus's thread."""
+    question.reply(msgspec.json.encode(_REFUSAL), question.asked)
+    question.close()

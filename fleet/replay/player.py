@@ -1,0 +1,98 @@
+"""Plays a recording: each message when its time comes, at any speed."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import math
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import msgspec
+
+from fleet.bus.settings import runtime_dir
+from fleet.clock import Clock
+from fleet.errors import StateError
+from fleet.record.reading import ReadMessage, read_recording
+from fleet.replay.played_edge import PlayedEdge
+
+FOLDER = "replay"
+"""The folder of the sockets of recordings that are played, below that of the edges that run."""
+FLUSH = 0.02  # s between two flushes of reports: a state is played once in each, the newest
+
+
+def replay_directory() -> Path:
+    """Return the private folder of the sockets of recordings; no command looks there by itself."""
+    return runtime_dir({"FLEET_RUNTIME_DIR": str(runtime_dir() / FOLDER)})
+
+
+class Window(msgspec.Struct, frozen=True):
+    """A part of a recording: seconds from its beginning, and how long; ``speed`` times as fast."""
+
+    start: float = 0.0
+    length: float = math.inf
+    speed: float = 1.0
+
+
+async def play(
+    path: Path,
+    window: Window,
+    directory: Path,
+    ended: asyncio.Event,
+    clock: Clock,
+    *,
+    told: Callable[[PlayedEdge], None] = lambda _edge: None,
+) -> int:
+    """Play a recording until its end, or ``ended``; returns the number of messages.
+
+    Each edge in it has a bus of its own below ``directory``; ``told`` hears of each when it is there. Raises
+    StateError for a file that has nothing to play, BusError when it is being played already.
+    """
+    edges: dict[str, PlayedEdge] = {}
+    began, count = clock.monotonic(), 0
+    with contextlib.ExitStack() as stack:
+        flushed = began
+        for after, message in _timed(path, window):
+            if message.edge not in edges:
+                edges[message.edge] = PlayedEdge(message.edge, directory, clock)
+                stack.callback(edges[message.edge].close)
+                told(edges[message.edge])
+            left = began + after / window.speed - clock.monotonic()
+            if left > 0 or clock.monotonic() - flushed > FLUSH:
+                flushed = clock.monotonic()
+                for edge in edges.values():
+                    edge.flush()
+                with contextlib.suppress(TimeoutError):
+                    await asyncio.wait_for(ended.wait(), max(left, 0.0))
+            if ended.is_set():
+                break
+            edges[message.edge].play(message)
+            count += 1
+        for edge in edges.values():
+            edge.flush()
+    if not count:
+        raise StateError(f"{path} has nothing in that window")
+    return count
+
+
+def _timed(path: Path, window: Window) -> Iterator[tuple[float, ReadMessage]]:
+    """Yield the messages of a window, each with the seconds after its beginning.
+
+    The events before the window, and what robots and edges told last before it, are played at its beginning.
+    """
+    first: float | None = None
+    before: dict[str | float, ReadMessage] = {}
+    for message in read_recording(path):
+        if not message.edge:
+            continue
+        first = message.received if first is None else first
+        after = message.received - first - window.start
+        if after < 0:
+            is_event = message.schema == "fleet.Record"
+            before[message.received if is_event else message.topic] = message
+            continue
+        if after >= window.length:
+            break
+        yield from ((0.0, earlier) for earlier in before.values())
+        before = {}
+        yield after, message

@@ -1,0 +1,75 @@
+"""Links that carry recorded frames: what an adapter opens in a replay."""
+
+from __future__ import annotations
+
+from fleet.errors import LinkLost
+from fleet.link.base import Address, LinkStats, Receiver
+from fleet.link.link_end import LinkEnd
+from fleet.link.tap import LinkFrame
+
+
+class RecordedLink:
+    """One open link; what is sent to it goes nowhere."""
+
+    def __init__(self, url: str, receiver: Receiver) -> None:
+        self.url = url
+        self.stats = LinkStats()
+        self._receiver = receiver
+        self._ending = LinkEnd(url)
+
+    def fileno(self) -> int:
+        """Return -1: there is nothing to write to."""
+        return -1
+
+    def send(self, data: bytes, address: Address = None) -> None:  # noqa: ARG002 - there is no peer
+        """Send nothing; raises LinkLost once the link has ended."""
+        if self._ending.ended:
+            raise self._ending.error()
+        self.stats.sent += 1
+
+    def arrive(self, frame: LinkFrame) -> None:
+        """Deliver a recorded frame."""
+        if not self._ending.ended:
+            self.stats.received += 1
+            self._receiver(frame.data, _address(frame.peer))
+
+    def fall(self, reason: str) -> None:
+        """End the link."""
+        self._ending.fall(reason)
+
+    async def lost(self) -> None:
+        """Wait until the link ends, then raise LinkLost."""
+        await self._ending.wait()
+
+    async def close(self) -> None:
+        """Close; nothing is received after this returns."""
+        self._ending.fall("closed")
+
+
+class RecordedLinks:
+    """The recorded links of one robot, by URL: opened by its adapter, fed by the replay."""
+
+    def __init__(self, urls: tuple[str, ...]) -> None:
+        self._urls = frozenset(urls)
+        self._open: dict[str, RecordedLink] = {}
+
+    async def open(self, url: str, receiver: Receiver) -> RecordedLink:
+        """Open a link, in place of ``fleet.link.url.open_link``; raises LinkLost for one without frames."""
+        if url not in self._urls:
+            raise LinkLost(f"{url}: the recording has no frames of it")
+        link = self._open[url] = RecordedLink(url, receiver)
+        return link
+
+    def take(self, url: str, frame: LinkFrame) -> None:
+        """Deliver a frame that came from the robot; a link that was opened anew falls first."""
+        link = self._open.get(url)
+        if link is not None and frame.way == "in":
+            link.arrive(frame)
+        elif link is not None and frame.way == "open" and link.stats.received:
+            self._open.pop(url).fall("it was opened again then")
+
+
+def _address(peer: str) -> Address:
+    """Return the address of a datagram's peer, None for a stream."""
+    host, _, port = peer.rpartition(":")
+    return (host, int(port)) if host and port.isdecimal() else None

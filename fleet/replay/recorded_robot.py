@@ -1,0 +1,101 @@
+"""What a recording has of one robot: the frames of its links, and its reports as they were recorded; pure."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from typing import Any
+
+import msgspec
+
+from fleet.link.tap import LinkFrame, LinkFrames
+from fleet.record.reading import ReadMessage
+from fleet.runtime.decoding import decode_json
+
+FRAMES = "fleet.LinkFrames"
+_NO_REPORTS = frozenset(
+    {"foxglove.FrameTransform", "fleet.RobotState", "fleet.Record", "fleet.Document", "fleet.Unread", FRAMES}
+)
+"""What is below the topics of a robot and is no report; a transform repeats the pose."""
+_STAMPS = ("timestamp", "stamp")
+
+
+class Said(msgspec.Struct, frozen=True):
+    """One report: its stamp (Unix s), and its members without it."""
+
+    stamp: float
+    content: Mapping[str, Any]
+
+
+class RecordedRobot(msgspec.Struct, frozen=True):
+    """One robot: frames with their link in the order of time, and reports by channel.
+
+    A channel is the topic behind the robot's name; one that has several kinds of messages is split by them,
+    as ``telemetry:vehicle_state``.
+    """
+
+    edge: str
+    name: str
+    frames: tuple[tuple[str, LinkFrame], ...]
+    reports: Mapping[str, list[Said]]
+
+    @property
+    def links(self) -> tuple[str, ...]:
+        """The links that its frames are of, the first heard first."""
+        return tuple(dict.fromkeys(link for link, _ in self.frames))
+
+    @property
+    def is_whole(self) -> bool:
+        """True when it has the robot's links from their opening on, so nothing was learned before."""
+        opened: dict[str, str] = {}
+        for link, frame in self.frames:
+            opened.setdefault(link, frame.way)
+        return bool(opened) and all(way == "open" for way in opened.values())
+
+
+class Recording(msgspec.Struct, frozen=True):
+    """What was read of a file: by robot (edge and name), and frames of each link."""
+
+    reports: dict[tuple[str, str], dict[str, list[Said]]]
+    frames: dict[tuple[str, str], list[LinkFrame]]
+    openers: dict[tuple[str, str], set[str]]
+
+    @property
+    def robots(self) -> list[tuple[str, str]]:
+        """Edge and name of the robots of which it has frames, in order."""
+        return sorted({(edge, robot) for edge, robot in self.openers if robot})
+
+    def robot(self, edge: str, name: str, links: Iterable[str] = ()) -> RecordedRobot:
+        """Return a robot with the frames of the links that it opened, and of ``links`` that others did."""
+        wanted = self.openers.get((edge, name), set()) | set(links)
+        found = [
+            (link, frame)
+            for (of_edge, link), frames in self.frames.items()
+            if of_edge == edge and link in wanted
+            for frame in frames
+        ]
+        ordered = tuple(sorted(found, key=lambda pair: pair[1].at))
+        return RecordedRobot(edge, name, ordered, self.reports.get((edge, name), {}))
+
+
+def recording_of(messages: Iterable[ReadMessage]) -> Recording:
+    """Return what messages say of robots and their links; raises ValueError for a damaged one."""
+    recording = Recording({}, {}, {})
+    for message in messages:
+        robot = message.edge, message.robot
+        if message.schema == FRAMES:
+            told = decode_json(message.data, LinkFrames)
+            recording.frames.setdefault((message.edge, told.link), []).extend(told.frames)
+            recording.openers.setdefault((message.edge, told.robot), set()).add(told.link)
+        elif message.robot and message.schema not in _NO_REPORTS:
+            topic = message.topic.split("/", 3)[3]
+            channel, said = said_in(topic, message.data, message.stamp)
+            recording.reports.setdefault(robot, {}).setdefault(channel, []).append(said)
+    return recording
+
+
+def said_in(topic: str, data: bytes, stamp: float) -> tuple[str, Said]:
+    """Return the channel of a recorded report, and what it says; ``topic`` is without the robot."""
+    document: dict[str, Any] = decode_json(data, dict[str, Any])
+    content = {name: value for name, value in document.items() if name not in _STAMPS}
+    kind = content.get("type")
+    return f"{topic}:{kind}" if isinstance(kind, str) else topic, Said(stamp, content)

@@ -1,0 +1,174 @@
+"""The host's side of a robot in a replay: its time is the recording's, and its reports are compared."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import logging
+from collections.abc import Callable, Iterable, Mapping
+from contextlib import AbstractAsyncContextManager
+from typing import Any, ParamSpec, TypeVar
+
+from fleet.errors import Unsupported, WireError
+from fleet.link.base import Address, Link
+from fleet.model.health import Health
+from fleet.model.report import Report
+from fleet.record.messages import report_messages
+from fleet.replay.recorded_robot import RecordedRobot, Said, said_in
+from fleet.robot_config import Limits
+from fleet.wire.checks import check_report
+from fleet.wire.databus import encode_report
+
+OpenT = TypeVar("OpenT")
+ResultT = TypeVar("ResultT")
+ParamsT = ParamSpec("ParamsT")
+Channels = Mapping[int, frozenset[str]]
+"""On which channels each periodic call reports, by its number in the order in which they were asked for."""
+
+
+class RecordedTime:
+    """A fleet.clock.Clock that goes as its event loop does, and begins at ``begins`` (Unix s)."""
+
+    def __init__(self, begins: float) -> None:
+        self._loop = asyncio.get_running_loop()
+        self._offset = begins - self._loop.time()
+
+    def monotonic(self) -> float:
+        """Return seconds that never jump."""
+        return self._loop.time()
+
+    def time(self) -> float:
+        """Return Unix seconds."""
+        return self._loop.time() + self._offset
+
+
+class _Periodic:
+    """One periodic call of an adapter: its number, and its next turn while it has turns of its own."""
+
+    def __init__(self, number: int, period: float, call: Callable[[], None]) -> None:
+        self.number = number
+        self.period = period
+        self.call = call
+        self.timer: asyncio.TimerHandle | None = None
+
+
+class ReplayedRobot:
+    """One robot. ``said`` is what it reported, by channel; ``channels`` which periodic call reported what.
+
+    The turns of the host's wheel were not recorded, but what was reported in them was. So a periodic call
+    that reports, as ``known`` from a replay before this one, is made at the recorded times of its reports;
+    every other has its period. Without ``known``, every call is made at every recorded time, to learn it.
+    """
+
+    def __init__(
+        self,
+        recorded: RecordedRobot,
+        limits: Limits,
+        clock: RecordedTime,
+        state: dict[str, Any],
+        known: Channels | None,
+    ) -> None:
+        self.name = name = recorded.name
+        self._prefix = f"/{recorded.edge}/{name}"
+        self.limits = limits
+        self.clock = clock
+        self.state = state
+        self.log = logging.getLogger(f"fleet.replay.{name}")
+        self.log.propagate = False  # what it says of the past is no news
+        self.said: dict[str, list[Said]] = {}
+        self.channels: dict[int, frozenset[str]] = {}
+        self.failed: asyncio.Future[None] = asyncio.get_running_loop().create_future()
+        self._known = known
+        self._periodics: list[_Periodic] = []
+        self._calling: int | None = None
+        self._contexts = contextlib.AsyncExitStack()
+
+    async def close(self) -> None:
+        """Leave what was entered, and make no more calls."""
+        for periodic in self._periodics:
+            if periodic.timer is not None:
+                periodic.timer.cancel()
+        self._periodics = []
+        self.failed.cancel()
+        await self._contexts.aclose()
+
+    def at(self, channel: str) -> None:
+        """Make the calls that report on a channel: one of their reports was recorded now."""
+        for periodic in tuple(self._periodics):
+            if self._known is None or channel in self._known.get(periodic.number, ()):
+                self._call(periodic)
+
+    def report(self, report: Report) -> None:
+        """Keep what is reported, in the form in which it is recorded; what cannot be said is left out."""
+        try:
+            check_report(report)
+            sample = encode_report(report, 0)
+        except WireError:
+            return
+        sensor = getattr(report, "sensor", "") or None
+        message = report_messages(self._prefix, report.channel, sample, sensor=sensor)[0]
+        topic = message.topic.removeprefix(f"{self._prefix}/")
+        channel, said = said_in(topic, message.payload, report.stamp)
+        self.said.setdefault(channel, []).append(said)
+        if self._calling is not None:
+            self.channels[self._calling] = self.channels.get(self._calling, frozenset()) | {channel}
+
+    def health(self, health: Health) -> None:
+        """Take how the robot is; it is no report."""
+
+    def authority_lost(self, reason: str) -> None:
+        """Take that somebody else has the robot; it is no report."""
+
+    def lacks(self, reasons: Mapping[str, str]) -> None:
+        """Take what the robot does not have; nothing is asked of it."""
+
+    def leave_halt(self, link: Link, frames: Iterable[bytes], address: Address = None) -> None:
+        """Take what would halt the robot; there is none."""
+
+    def every(self, seconds: float, call: Callable[[], None]) -> None:
+        """Make a call at the recorded times of its reports, or else from time to time."""
+        periodic = _Periodic(len(self._periodics), seconds, call)
+        self._periodics.append(periodic)
+        if self._known is None or not self._known.get(periodic.number):
+            self._again(periodic)
+
+    async def enter(self, context: AbstractAsyncContextManager[OpenT]) -> OpenT:
+        """Enter a context until the attempt ends."""
+        return await self._contexts.enter_async_context(context)
+
+    def share(
+        self,
+        key: str,  # noqa: ARG002 - a robot is replayed alone
+        make: Callable[[], AbstractAsyncContextManager[OpenT]],
+    ) -> AbstractAsyncContextManager[OpenT]:
+        """Return what ``make`` gives."""
+        return make()
+
+    async def blocking(
+        self,
+        call: Callable[ParamsT, ResultT],  # noqa: ARG002 - nothing is called
+        *args: ParamsT.args,  # noqa: ARG002
+        **kwargs: ParamsT.kwargs,  # noqa: ARG002
+    ) -> ResultT:
+        """Raise Unsupported: a call that waits for something outside would not be a replay."""
+        raise Unsupported("a replay makes no blocking calls")
+
+    def _again(self, periodic: _Periodic) -> None:
+        """Have a call made when its period is over, again and again."""
+
+        def turn() -> None:
+            self._again(periodic)
+            self._call(periodic)
+
+        periodic.timer = asyncio.get_running_loop().call_later(periodic.period, turn)
+
+    def _call(self, periodic: _Periodic) -> None:
+        """Make a call; what it raises ends the attempt."""
+        self._calling = periodic.number
+        try:
+            periodic.call()
+        except Exception as error:  # noqa: BLE001 - handed to who waits for the attempt
+            if not self.failed.done():
+                self.failed.set_exception(error)
+        finally:
+            self._calling = None

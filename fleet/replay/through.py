@@ -1,0 +1,197 @@
+"""Recorded raw frames through today's adapters, in the time of the recording; nothing outside is reached."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import contextvars
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+import msgspec
+
+from fleet.adapter import Adapter, AnyAdapter, FrameAdapter
+from fleet.errors import LinkError, NotReady, Refused
+from fleet.host.robot.adapter_factory import create_adapter
+from fleet.link.tap import LinkFrame
+from fleet.link.url import OPENER
+from fleet.replay.differences import Difference, differences
+from fleet.replay.recorded_links import RecordedLinks
+from fleet.replay.recorded_robot import RecordedRobot, Said
+from fleet.replay.replayed_robot import Channels, RecordedTime, ReplayedRobot
+from fleet.robot_config import AdapterConfig
+from fleet.runtime.simulated_time import JumpingLoop
+
+SETTLED = 10.0
+"""Seconds that an adapter gets to learn what it had learned before, where the recording begins later."""
+TURNS = 50
+"""Turns of the event loop that an adapter gets for what takes no time."""
+_ENDS = (LinkError, NotReady)
+"""What ends an attempt to run a robot in the ordinary way: the host makes a new one."""
+
+
+class Replayed(msgspec.Struct, frozen=True):
+    """What became of one robot: how many reports were compared, from when (Unix s), and what differs."""
+
+    robot: str
+    compared: int
+    since: float
+    is_whole: bool
+    found: tuple[Difference, ...]
+
+
+def replay(plugin: type[AnyAdapter], config: AdapterConfig, recorded: RecordedRobot) -> Replayed:
+    """Feed the frames of a robot to its adapter, and compare what that reports with what was recorded.
+
+    ``config`` is as in fleet.yaml. It takes an event loop of its own, so it cannot be called inside of one.
+    Raises Refused when the recording has no frames of the robot, or its adapter cannot be replayed.
+    """
+    if not recorded.frames:
+        raise Refused(
+            f"the recording has no frames of {config.name}",
+            hint="record it with this version; robots whose adapters open no links have none",
+        )
+    learned, _, _ = _replayed(plugin, config, recorded, None)
+    _, said, failure = _replayed(plugin, config, recorded, learned)
+    begins = recorded.frames[0][1].at
+    since = begins if recorded.is_whole else begins + SETTLED
+    compared = {name: each for name, each in recorded.reports.items() if _is_replayed(plugin, name)}
+    found = list(differences(config.name, compared, said, since=since, tolerance=plugin.replay_tolerance))
+    if failure is not None:
+        found.append(failure)
+    count = sum(each.stamp >= since for reports in compared.values() for each in reports)
+    return Replayed(config.name, count, since, recorded.is_whole, tuple(found))
+
+
+def _is_replayed(plugin: type[AnyAdapter], channel: str) -> bool:
+    """Return whether frames alone say what an adapter reports on a channel."""
+    channels = plugin.replayed_channels
+    return channels is None or channel.partition("/")[0] in channels
+
+
+def _replayed(
+    plugin: type[AnyAdapter], config: AdapterConfig, recorded: RecordedRobot, known: Channels | None
+) -> tuple[Channels, Mapping[str, list[Said]], Difference | None]:
+    """Replay once; return what each periodic call reports, all reports, and how the adapter failed."""
+    with asyncio.Runner(loop_factory=JumpingLoop) as runner:
+        return runner.run(_Replay(plugin, config, recorded, known).run(), context=contextvars.copy_context())
+
+
+class _Replay:
+    """One replay of one robot."""
+
+    def __init__(
+        self,
+        plugin: type[AnyAdapter],
+        config: AdapterConfig,
+        recorded: RecordedRobot,
+        known: Channels | None,
+    ) -> None:
+        self._plugin = plugin
+        self._config = _with_link(config, recorded.links)
+        self._recorded = recorded
+        self._known = known
+        self._links = RecordedLinks(recorded.links)
+        self._state: dict[str, Any] = {}  # outlives attempts
+        self._said: dict[str, list[Said]] = {}
+        self._learned: dict[int, frozenset[str]] = {}
+        self._failure: Difference | None = None
+        self._clock: RecordedTime
+        self._robot: ReplayedRobot
+        self._attempt: asyncio.Task[None]
+
+    async def run(self) -> tuple[Channels, Mapping[str, list[Said]], Difference | None]:
+        """Feed everything that was recorded."""
+        OPENER.set(self._links.open)
+        self._clock = RecordedTime(self._recorded.frames[0][1].at)
+        self._begin()
+        for at, event in _timeline(self._recorded):
+            await asyncio.sleep(max(0.0, at - self._clock.time()))
+            if self._attempt.done():
+                await self._end()
+                self._begin()
+                await _turns()
+            if isinstance(event, str):
+                self._robot.at(event)
+            else:
+                self._links.take(*event)
+                if event[1].way == "open":
+                    await _turns()
+        await asyncio.sleep(0)
+        await self._end()
+        return self._learned, self._said, self._failure
+
+    def _begin(self) -> None:
+        """Begin an attempt to run the robot."""
+        limits = self._config.limits.over(self._plugin.limits)
+        self._robot = ReplayedRobot(self._recorded, limits, self._clock, self._state, self._known)
+        adapter = _adapter(self._plugin, self._config, self._robot)
+        self._attempt = asyncio.create_task(_serve(adapter, self._robot))
+
+    async def _end(self) -> None:
+        """End the attempt, and keep what was reported."""
+        self._attempt.cancel()
+        try:
+            await self._attempt
+        except (asyncio.CancelledError, *_ENDS):
+            pass
+        except Exception as error:  # noqa: BLE001 - a failure of the adapter is what a replay is to find
+            what = f"the adapter failed: {type(error).__name__}: {error}"
+            self._failure = self._failure or Difference(
+                self._clock.time(), self._config.name, "adapter", what
+            )
+        with contextlib.suppress(Exception):
+            await self._robot.close()
+        for channel, reports in self._robot.said.items():
+            self._said.setdefault(channel, []).extend(reports)
+        for number, channels in self._robot.channels.items():
+            self._learned[number] = self._learned.get(number, frozenset()) | channels
+
+
+async def _turns() -> None:
+    """Let the adapter open its links, or notice that one fell; no time passes."""
+    for _ in range(TURNS):
+        await asyncio.sleep(0)
+
+
+def _timeline(recorded: RecordedRobot) -> Iterator[tuple[float, tuple[str, LinkFrame] | str]]:
+    """Yield frames with their link, and the channels of recorded reports, in the order of time (Unix s)."""
+    frames = [(frame.at, 0, (link, frame)) for link, frame in recorded.frames]
+    times = [(said.stamp, 1, channel) for channel, each in recorded.reports.items() for said in each]
+    begins = recorded.frames[0][1].at
+    events: list[tuple[float, int, Any]] = sorted([*frames, *times], key=lambda event: event[:2])
+    for at, _, event in events:
+        if at >= begins:
+            yield at, event
+
+
+async def _serve(adapter: Adapter[Any], robot: ReplayedRobot) -> None:
+    """Connect and run an adapter until it ends or raises."""
+    await adapter.connect()
+    running = asyncio.ensure_future(adapter.run())
+    try:
+        done, _ = await asyncio.wait({running, robot.failed}, return_when=asyncio.FIRST_COMPLETED)
+        for each in done:
+            each.result()
+    finally:
+        running.cancel()
+        await asyncio.gather(running, return_exceptions=True)
+
+
+def _adapter(plugin: type[AnyAdapter], config: AdapterConfig, robot: ReplayedRobot) -> Adapter[Any]:
+    """Return the adapter to feed; raises Refused for one that could reach something else than its links."""
+    if issubclass(plugin, FrameAdapter):
+        return create_adapter(plugin, config, robot)
+    adapter = plugin.replayed(config, robot)
+    if adapter is None:
+        raise Refused(
+            f"{plugin.__name__} cannot be replayed: it says nothing of it in replayed()",
+            hint="fleet replay without --through-adapters plays its reports",
+        )
+    return adapter
+
+
+def _with_link(config: AdapterConfig, links: tuple[str, ...]) -> AdapterConfig:
+    """Return a config whose link is a recorded one: that of a simulated robot is of its simulator."""
+    link = getattr(config, "link", None)
+    return config if link is None or link in links else config.model_copy(update={"link": links[0]})
