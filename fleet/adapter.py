@@ -210,7 +210,7 @@ class Adapter(AdapterBase[ConfigT]):
         return cls.connect is not Adapter.connect
 
     @staticmethod
-    def replayed(config: Any, robot: Robot) -> Adapter[Any] | None:  # noqa: ARG003 - for overriders
+    def replayed(config: Any, robot: Robot) -> Adapter[Any] | None:  # noqa: ARG004 - for overriders
         """Return the adapter that is given recorded frames; None: robots of this kind cannot be replayed.
 
         It must open links by ``open_link`` alone, which gives it recorded ones then, and reach nothing else;
