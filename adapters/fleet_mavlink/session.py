@@ -72,7 +72,7 @@ class VehicleSession:
         self._tasks: set[asyncio.Task[None]] = set()
         self._cause = FailsafeCause()
         self._unstopped = ""  # why the last stop failed
-        self._lacking: Mapping[str, str] = {}  # what the host was told
+        self._lacking: Mapping[str, str] | None = None  # what the host was told in this attempt
         self.authority = Authority(self._authority_lost)
         self.commander = Commander(vehicle, _timing(config.timeouts))
         self.flight = Flight(vehicle, self.commander, self.authority, limits, self._give_way)

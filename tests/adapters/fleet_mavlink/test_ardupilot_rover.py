@@ -367,6 +367,16 @@ def test_the_host_is_told_what_it_lacks(fly, sky):
     driven(fly, sky, drive)
 
 
+def test_a_multirotor_on_the_link_of_a_rover_has_all_again(fly, sky):
+    async def main():
+        async with sky("ardupilot") as it:
+            it.robot.lacks(ArduRover.lacking)  # as told by an attempt before this one
+            await it.met()
+            await it.until(lambda: it.robot.lacking == {})
+
+    fly(main())
+
+
 def test_its_fail_safes_are_those_of_a_rover(fly, sky):
     async def main():
         async with sky("ardupilot", vehicle="rover", failsafes="set") as it:
