@@ -121,8 +121,8 @@ class MavlinkAdapter(PayloadCommands, UpkeepCommands):
     async def stop(self, reason: str) -> None:
         """Brake and hold in the air; motors are never cut.
 
-        A landing, or a way home, is the autopilot's own and the safest that is left when an edge ends: it is
-        broken off for somebody who asks for it only. What is not moved here is braked for nobody else.
+        A landing, or a flight home, is the autopilot's own and the safest that is left when an edge ends: it
+        is broken off for somebody who asks for it only. What is not moved here is braked for nobody else.
         Raises a CommandError when the vehicle was not seen to stop.
         """
         if reason not in _ASKED and not self._session.is_ours_to_stop:

@@ -72,7 +72,7 @@ class VehicleSession:
         self._tasks: set[asyncio.Task[None]] = set()
         self._cause = FailsafeCause()
         self._unstopped = ""  # why the last stop failed
-        self._lacking: Mapping[str, str] = {}  # what the host was told
+        self._lacking: Mapping[str, str] | None = None  # what the host was told in this attempt
         self.authority = Authority(self._authority_lost)
         self.commander = Commander(vehicle, _timing(config.timeouts))
         self.flight = Flight(vehicle, self.commander, self.authority, limits, self._give_way)
@@ -157,9 +157,14 @@ class VehicleSession:
 
     @property
     def comes_down(self) -> bool:
-        """True while the autopilot shows that it lands, or returns home; from any thread."""
+        """True while the autopilot shows that it lands, or flies home; from any thread.
+
+        What drives home is safer where it stands.
+        """
         state, flavour = self.vehicle.state, self.vehicle.flavour
-        return flavour is not None and flavour.mode_of(state) in {flavour.land, flavour.return_home}
+        if flavour is None or flavour.surface:
+            return False
+        return flavour.mode_of(state) in {flavour.land, flavour.return_home}
 
     @property
     def is_ours_to_stop(self) -> bool:

@@ -40,14 +40,17 @@ OtherRobot = Callable[[str], tuple[Vector3, float]]
 
 
 class GoalFollower:
-    """The follower of one robot. ``drive`` is the controller's, with its clamp and dead-man."""
+    """The follower of one robot. ``drive`` is the controller's, with its clamp and dead-man.
+
+    ``holonomic`` is asked as each task begins: some robots tell only once they are met how they move.
+    """
 
     def __init__(
         self,
         *,
         drive: Callable[[Velocity], None],
         limits: Limits,
-        holonomic: bool,
+        holonomic: Callable[[], bool],
         origin: GeoOrigin | None,
         clock: Clock,
         other: OtherRobot,
@@ -91,13 +94,13 @@ class GoalFollower:
 
     def _follower(self, task: AnyTask, pose: Pose) -> LegFollower | RobotFollower:
         """Return what leads the robot for a task."""
-        now, pace = self._clock.monotonic(), self._pace(task)
+        now, pace, holonomic = self._clock.monotonic(), self._pace(task), self._holonomic()
         if isinstance(task, FollowRobot):
             where = partial(self._other, task.robot)
-            return RobotFollower(task.distance, where, pace, holonomic=self._holonomic, now=now)
+            return RobotFollower(task.distance, where, pace, holonomic=holonomic, now=now)
         tolerance = task.constraints.tolerance or TOLERANCE
         legs = legs_of(task, pose, self._origin)
-        return LegFollower(legs, pose, pace, tolerance=tolerance, holonomic=self._holonomic, now=now)
+        return LegFollower(legs, pose, pace, tolerance=tolerance, holonomic=holonomic, now=now)
 
     def _fresh(self) -> Pose | None:
         """Return the pose, None when it is too old to drive by; raises NotReady when it is lost."""
@@ -144,7 +147,7 @@ def goal_follower_of(
     clock: Clock,
     other: OtherRobot,
     *,
-    holonomic: bool,
+    holonomic: Callable[[], bool],
 ) -> GoalFollower:
     """Return the follower of a robot of fleet.yaml."""
     place = config.origin

@@ -64,6 +64,11 @@ class Capabilities(msgspec.Struct, frozen=True):
         return None
 
     @property
+    def moves_any_way(self) -> bool:
+        """True for a robot that moves sideways as well; that its kind does is not enough."""
+        return self.holonomic and self.lacking.keys().isdisjoint(("strafe_left", "strafe_right"))
+
+    @property
     def joint_refusal(self) -> str | None:
         """Why the robot takes no joint targets at all; None when it takes some."""
         return None if self.moves_joints else "it takes no joint targets"

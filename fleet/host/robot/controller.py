@@ -81,7 +81,7 @@ class RobotController:
         self.in_control = self._heard = False  # _heard: since the adapter's run began
         self.may_be_moving = journal.cut_off  # it moved because of us when it was lost, and may still
         self._executor = Executor(crashed=crashed, journal=journal, log=self.event_reporter.log)
-        ready, any_way = self._executor.standing, capabilities.holonomic
+        ready, any_way = self._executor.standing, lambda: self.can.moves_any_way
         self._navigator = Navigator(
             publish=publish, hold=self._settle, crashed=crashed, clock=clock, journal=journal, ready=ready
         )

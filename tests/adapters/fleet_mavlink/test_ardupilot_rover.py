@@ -258,6 +258,24 @@ def test_it_drives_home_and_stands_there_armed(fly, sky):
     driven(fly, sky, drive)
 
 
+@pytest.mark.parametrize("by", ["a halt", "the end of the edge"])
+def test_its_way_home_is_not_left_to_itself(fly, sky, by):
+    async def drive(it):
+        await it.drive(ahead(), 8.0)
+        returning = asyncio.ensure_future(it.do("return_to_home"))
+        await it.until(lambda: it.mode == "RTL")
+        await asyncio.sleep(2)  # until it is on its way
+        if by == "a halt":
+            it.adapter.halt()
+        else:
+            await it.adapter.stop("the edge ends")
+        await it.until(lambda: it.mode == "HOLD" and it.speed < 0.1)
+        with pytest.raises(CommandError):
+            await returning
+
+    driven(fly, sky, drive)
+
+
 def test_it_is_disarmed_when_it_stands_and_not_before(fly, sky):
     async def drive(it):
         await it.drive(ahead(), 3.0)
@@ -365,6 +383,16 @@ def test_the_host_is_told_what_it_lacks(fly, sky):
                 await it.do(name, **data)
 
     driven(fly, sky, drive)
+
+
+def test_a_multirotor_on_the_link_of_a_rover_has_all_again(fly, sky):
+    async def main():
+        async with sky("ardupilot") as it:
+            it.robot.lacks(ArduRover.lacking)  # as told by an attempt before this one
+            await it.met()
+            await it.until(lambda: it.robot.lacking == {})
+
+    fly(main())
 
 
 def test_its_fail_safes_are_those_of_a_rover(fly, sky):

@@ -3,6 +3,7 @@
 import asyncio
 import contextlib
 import uuid
+from collections import deque
 from typing import Literal
 
 from fleet.adapter import Adapter, AdapterConfig
@@ -59,6 +60,7 @@ class Walker(Adapter[WalkerConfig]):
         self.asked = ZERO_VELOCITY
         self.silent = False
         self.stops = 0
+        self._orders = deque()  # told, and not obeyed yet
 
     async def connect(self):
         self.loop = asyncio.get_running_loop()
@@ -85,7 +87,17 @@ class Walker(Adapter[WalkerConfig]):
         self.site = self.site + rotate_to_world(way, self.turn)
 
     def _later(self, call, *arguments):
-        self.loop.call_soon_threadsafe(self.loop.call_later, self.config.lag, call, *arguments)
+        """Do it after the lag, in order: a loop keeps none among calls of one and the same time."""
+
+        def wait():
+            self._orders.append((call, arguments))
+            self.loop.call_later(self.config.lag, self._obey)
+
+        self.loop.call_soon_threadsafe(wait)
+
+    def _obey(self):
+        call, arguments = self._orders.popleft()
+        call(*arguments)
 
     def drive(self, velocity):
         self._later(setattr, self, "asked", velocity)

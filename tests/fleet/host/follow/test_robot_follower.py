@@ -1,38 +1,32 @@
 """One robot is led after another: near enough, never too near, and not once nobody knows where that is."""
 
 import asyncio
-import itertools
 import uuid
 
 import pytest
 
+from fleet.errors import Unsupported
 from fleet.model.navigation import Control, FollowRobot, Navigate
 from fleet.testing.clock import JumpingLoop
-from tests.fleet.host import field as robots
-from tests.fleet.host.field import TELE, Field
+from tests.fleet.host.field import TELE, Field, Flyer, Walker
 
 
-class _InOrder:
-    """Does what it is told in that order: a loop keeps none among calls of one and the same time."""
+class Rover(Flyer):
+    """One of a kind that moves any way, which tells once it is met that it does not move sideways."""
 
-    def __init__(self, config, robot):
-        super().__init__(config, robot)
-        self._order = itertools.count(config.lag, 1e-9)
+    async def connect(self):
+        await super().connect()
+        self.robot.lacks(dict.fromkeys(("strafe_left", "strafe_right"), "it moves along its nose only"))
 
-    def _later(self, call, *arguments):
-        self.loop.call_soon_threadsafe(self.loop.call_later, next(self._order), call, *arguments)
-
-
-class Walker(_InOrder, robots.Walker):
-    """One that drives."""
-
-
-class Flyer(_InOrder, robots.Flyer):
-    """One that flies, and goes to goals by itself."""
+    def drive(self, velocity):
+        if abs(velocity.linear.y) > 0.01:
+            raise Unsupported("it moves along its nose only")
+        super().drive(velocity)
 
 
 PAIR = {"ahead": (Walker, (4.0, 0.0, 0.0)), "behind": (Walker, (0.0, 3.0, 1.0))}
 ABOVE = {"ahead": (Walker, (4.0, 0.0, 0.0)), "behind": (Flyer, (0.0, 3.0, 0.0))}
+ALONG = {"ahead": (Walker, (4.0, 0.0, 0.0)), "behind": (Rover, (0.0, 3.0, 1.0))}
 
 
 def in_field(starts, work):
@@ -57,7 +51,7 @@ def flat(field):
     return (ahead - behind).horizontal()
 
 
-@pytest.mark.parametrize("starts", [PAIR, ABOVE], ids=["drives", "flies"])
+@pytest.mark.parametrize("starts", [PAIR, ABOVE, ALONG], ids=["drives", "flies", "along its nose"])
 def test_it_keeps_its_distance_behind_one_that_goes_round(starts):
     async def work(field):
         answers, gaps = follow(field, distance=3.0), []
