@@ -105,6 +105,7 @@ async def main(folder, began, trigger, kill):
             clock=clock,
             soon=loop.call_soon_threadsafe,
             hindrance=lambda *_: "",
+            elsewhere=lambda _: "",
             together=None,
             stop=lambda *_: None,
             told=lambda _: None,
