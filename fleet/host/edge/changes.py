@@ -22,7 +22,7 @@ from fleet.config.load import Loaded, load
 from fleet.config.problems import InvalidConfig
 from fleet.errors import FleetError, StateError
 from fleet.host.edge.last_configuration import keep
-from fleet.host.process.rebuild import rebuild
+from fleet.host.process.rebuild import rebuild, take_over
 from fleet.host.process.robot_process import RobotProcess
 from fleet.host.robot.local_robot import LocalRobot
 from fleet.host.robot.rest import not_resting
@@ -168,9 +168,9 @@ class Changes:
         moving = "" if asked.force else not_resting(robot)
         if moving:
             return self._stricter(robot, config, new, change, moving)
-        if change.kind is ChangeKind.SETTINGS:
-            robot.configure(config)
-        elif trouble := await rebuild(self._process, robot, config):
+        live = change.kind is ChangeKind.SETTINGS
+        trouble = take_over(robot, config) if live else await rebuild(self._process, robot, config)
+        if trouble:
             return _ended(change, Outcome.FAILED, f"{trouble}; it has its configuration of before")
         self._runs_with({change.name: _config_of(new, change.name)}, {change.name: new.given[change.name]})
         return _ended(change, Outcome.DONE)
@@ -200,7 +200,7 @@ class Changes:
         configs = {name: _config_of(new, name) for name in names}
         after = _with(self._running, configs, {name: new.given[name] for name in names})
         outcome, why = await self._workers.change(worker, after, force=asked.force)
-        if outcome is Outcome.DONE:
+        if outcome in {Outcome.DONE, Outcome.PARTLY}:
             for name, config in configs.items():
                 self._remote[name].configure(config)
             self._running = after

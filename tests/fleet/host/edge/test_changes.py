@@ -4,6 +4,7 @@ import asyncio
 import contextlib
 import json
 import sys
+from types import SimpleNamespace
 
 import msgspec
 import pytest
@@ -13,8 +14,11 @@ from fleet.bus.bus import open_edge
 from fleet.bus.settings import BusSettings
 from fleet.host.process import rebuild
 from fleet.host.requests.stop_cause import local_cause
+from fleet.host.workers import worker_changes
+from fleet.host.workers.worker_changes import WorkerChanges
 from fleet.model.change import ChangeKind, ChangesAnswer, ChangesAsked, Outcome
-from fleet.model.command import Reply
+from fleet.model.command import Reply, ReplyStatus
+from fleet.model.state import RobotState
 
 HERE = {"worker": "main"}
 GOTO = {"command": "goto", "position": [1.0, 2.0, 0.0], "action_id": "a1"}
@@ -157,6 +161,81 @@ async def test_a_robot_that_does_not_come_back_has_its_configuration_of_before(f
     await field.until(lambda: field.state("rex").health == "ok")
     assert field.place.words("max") == ["run"]
     assert not (await field.ask()).same
+
+
+async def test_a_robot_that_cannot_take_its_configuration_over_runs_with_the_one_before(field):
+    robot = field.edge.process.robots["rex"]
+    configure, before = robot.configure, robot.config
+
+    def refuses(config):
+        configure(config)
+        if config.stands:
+            raise ValueError("no plan for it")
+
+    robot.configure = refuses
+    field.write("rex", stands=True)
+    done = (await field.apply())["rex"]
+    assert (done.outcome, "no plan for it" in done.why) == (Outcome.FAILED, True)
+    assert robot.config == before
+    await field.until(lambda: field.state("rex").health == "ok")
+
+
+class Worker:
+    """A worker process that is started again as soon as it ends."""
+
+    def __init__(self, *answers):
+        self.name, self.task, self.given, self.started = "limbs", b"old", b"old", 1
+        self.answers, self.forced, self.reachable = list(answers), [], True
+
+    def replace(self, task):
+        before, self.task = self.task, task
+        return before
+
+    def start(self):
+        self.given, self.started, self.reachable = self.task, self.started + 1, self.task == b"old"
+
+    def ask_later(self, _key, _payload, *, parameters, on_answer, on_end, **_kept):
+        self.forced.append(bool(parameters))
+        answer = self.answers.pop(0)
+        if answer == "dies":
+            self.start()
+        elif not answer:
+            self.start()
+            on_answer(msgspec.json.encode(Reply("reload", ReplyStatus.ACCEPTED)))
+        else:
+            on_answer(msgspec.json.encode(Reply("reload", ReplyStatus.REJECTED, answer)))
+        on_end()
+
+    def state(self):
+        return RobotState(name="arm", twin="", adapter="", edge="", stamp=0.0, reachable=self.reachable)
+
+
+async def changed(worker, monkeypatch):
+    monkeypatch.setattr(worker_changes, "BACK_WITHIN", 0.1)
+    monkeypatch.setattr(worker_changes, "task_of", lambda after, _worker: msgspec.Raw(after))
+    robot = SimpleNamespace(worker="limbs", state=worker.state)
+    workers = WorkerChanges("edge", worker, {"limbs": worker}, {"arm": robot})
+    return await workers.change("limbs", b"new", force=False)
+
+
+async def test_a_worker_is_not_ended_once_more_while_another_of_its_robots_moves(monkeypatch):
+    worker = Worker("", "leg is armed; disarm it first")
+    outcome, why = await changed(worker, monkeypatch)
+    assert (outcome, "leg is armed" in why, worker.forced) == (Outcome.PARTLY, True, [False, False])
+    assert worker.task == worker.given == b"new"
+
+
+async def test_a_worker_whose_robots_do_not_come_back_runs_with_the_task_of_before(monkeypatch):
+    worker = Worker("", "")
+    outcome, why = await changed(worker, monkeypatch)
+    assert (outcome, "configuration of before" in why) == (Outcome.FAILED, True)
+    assert worker.task == worker.given == b"old"
+
+
+async def test_a_worker_that_died_and_came_up_with_the_change_is_not_told_as_unchanged(monkeypatch):
+    worker = Worker("dies", "")
+    outcome, _why = await changed(worker, monkeypatch)
+    assert (outcome, worker.task, worker.given) == (Outcome.FAILED, b"old", b"old")
 
 
 async def test_a_stop_that_is_set_stays_set_and_can_be_released(field):
