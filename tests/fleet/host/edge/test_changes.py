@@ -348,6 +348,22 @@ async def test_a_stop_that_is_set_is_set_under_a_new_name_too(yard, run_edge, as
         assert edge.process.robots["max"].controller.latched
 
 
+async def test_a_stop_under_a_new_name_outlives_an_edge_that_ends_before_its_worker_hears(
+    yard, run_edge, asks
+):
+    async with running(yard, run_edge, asks, arm={"worker": "limbs"}) as field:
+        field.bus_session.put(keys.stop(field.place.id), b"", urgent=True)
+        await field.until(lambda: field.state("arm").emergency_stop)
+    field.write("arm", name="leg")
+    for _ in range(2):
+        edge = field.place.edge()
+        latched = edge.process.journal.robot("leg").latched
+        edge.missions.close()
+        edge.bus.close()
+        await edge.process.close()
+    assert latched
+
+
 async def fleet(*arguments):
     """Run the command line; return its exit code, and what it wrote to stdout and stderr."""
     pipe = asyncio.subprocess.PIPE
