@@ -4,6 +4,7 @@ import asyncio
 import contextlib
 import json
 import sys
+import threading
 from types import SimpleNamespace
 
 import msgspec
@@ -12,6 +13,7 @@ import pytest
 from fleet.bus import keys
 from fleet.bus.bus import open_edge
 from fleet.bus.settings import BusSettings
+from fleet.host.edge import changes
 from fleet.host.process import rebuild
 from fleet.host.requests.stop_cause import local_cause
 from fleet.host.workers import worker_changes
@@ -178,6 +180,30 @@ async def test_a_robot_that_cannot_take_its_configuration_over_runs_with_the_one
     assert (done.outcome, "no plan for it" in done.why) == (Outcome.FAILED, True)
     assert robot.config == before
     await field.until(lambda: field.state("rex").health == "ok")
+
+
+async def test_the_edge_serves_its_robots_between_the_changes_of_two(field, monkeypatch):
+    happened, compared_by = [], []
+
+    def noted(robot, configure):
+        def take(config):
+            happened.append(robot.name)
+            asyncio.get_running_loop().call_soon(happened.append, "served")
+            configure(config)
+
+        return take
+
+    def compared(loaded, outline_of=changes.outline_of):
+        compared_by.append(threading.current_thread())
+        return outline_of(loaded)
+
+    monkeypatch.setattr(changes, "outline_of", compared)
+    for robot in field.edge.process.robots.values():
+        robot.configure = noted(robot, robot.configure)
+        field.write(robot.name, accepts={"command": []})
+    assert {change.outcome for change in (await field.apply()).values()} == {Outcome.DONE}
+    assert happened == ["rex", "served", "max", "served"]
+    assert threading.current_thread() not in compared_by
 
 
 class Worker:
