@@ -27,7 +27,7 @@ class Outcome(StrEnum):
 
     PLANNED = "planned"  # nothing was to be done but to tell it
     DONE = "done"
-    PARTLY = "partly"  # what is stricter is in use, what is looser waits until the robot is at rest
+    PARTLY = "partly"  # what is stricter is in use, the rest waits; or all is, and a robot does not answer
     REFUSED = "refused"  # nothing was changed, and why
     FAILED = "failed"  # the configuration of before is in use again
 

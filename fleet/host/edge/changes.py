@@ -22,7 +22,7 @@ from fleet.config.load import Loaded, load
 from fleet.config.problems import InvalidConfig
 from fleet.errors import FleetError, StateError
 from fleet.host.edge.last_configuration import keep
-from fleet.host.process.rebuild import rebuild
+from fleet.host.process.rebuild import rebuild, take_over
 from fleet.host.process.robot_process import RobotProcess
 from fleet.host.robot.local_robot import LocalRobot
 from fleet.host.robot.rest import not_resting
@@ -116,8 +116,7 @@ class Changes:
             return ChangesAnswer((), file, f"{file} cannot be used; nothing was changed", problems)
         except FleetError as error:
             return ChangesAnswer((), file, f"{file} cannot be used; nothing was changed: {error}")
-        secrets = self._running.secrets | new.secrets
-        found = difference(outline_of(self._running), outline_of(new), shown_by(secrets))
+        found = await asyncio.to_thread(_found, self._running, new)
         if asked.do == "diff":
             return ChangesAnswer(tuple(map(self._judged, found)), file)
         changes = await self._apply(found, new, asked)
@@ -146,6 +145,7 @@ class Changes:
         done: list[Change] = []
         elsewhere: dict[str, list[Change]] = {}
         for change in found:
+            await asyncio.sleep(0)  # a thousand robots must not keep a stop waiting
             if change.section or change.kind not in LIVE:
                 done.append(_left(change))
             elif change.name in self._process.robots:
@@ -168,9 +168,9 @@ class Changes:
         moving = "" if asked.force else not_resting(robot)
         if moving:
             return self._stricter(robot, config, new, change, moving)
-        if change.kind is ChangeKind.SETTINGS:
-            robot.configure(config)
-        elif trouble := await rebuild(self._process, robot, config):
+        live = change.kind is ChangeKind.SETTINGS
+        trouble = take_over(robot, config) if live else await rebuild(self._process, robot, config)
+        if trouble:
             return _ended(change, Outcome.FAILED, f"{trouble}; it has its configuration of before")
         self._runs_with({change.name: _config_of(new, change.name)}, {change.name: new.given[change.name]})
         return _ended(change, Outcome.DONE)
@@ -200,7 +200,7 @@ class Changes:
         configs = {name: _config_of(new, name) for name in names}
         after = _with(self._running, configs, {name: new.given[name] for name in names})
         outcome, why = await self._workers.change(worker, after, force=asked.force)
-        if outcome is Outcome.DONE:
+        if outcome in {Outcome.DONE, Outcome.PARTLY}:
             for name, config in configs.items():
                 self._remote[name].configure(config)
             self._running = after
@@ -219,9 +219,9 @@ class Changes:
 
     async def _keep(self) -> None:
         """Write what the edge runs with to its disk; a disk that does not take it stops nothing."""
-        outline, stamp = outline_of(self._running), self._clock.time()
+        running, stamp = self._running, self._clock.time()
         try:
-            await asyncio.to_thread(keep, self._folder, outline, stamp)
+            await asyncio.to_thread(lambda: keep(self._folder, outline_of(running), stamp))
         except StateError as error:
             log.warning("what the edge runs with is not kept for fleet diff: %s", error)
 
@@ -237,6 +237,11 @@ class Changes:
         robot = "" if change.section else change.name
         event = EventReport(self._clock.time(), EventKind.COMMAND, text, severity, asker, "apply")
         self._process.history.add(robot, event)
+
+
+def _found(running: Loaded, new: Loaded) -> tuple[Change, ...]:
+    """Return what differs; with a thousand robots that takes a third of a second."""
+    return difference(outline_of(running), outline_of(new), shown_by(running.secrets | new.secrets))
 
 
 def own_config(robot: LocalRobot, loaded: Loaded) -> AdapterConfig:

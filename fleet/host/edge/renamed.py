@@ -33,6 +33,7 @@ def carry_stops(
             continue
         log.warning("%s was %s: its emergency stop is still set: %s", name, before, why)
         if name in remote:
+            process.journal.robot(name).latch(why)  # the edge may end before the worker hears of it
             remote[name].stop_later(local_cause("", why))
         else:
             latch = process.robots[name].controller.latch

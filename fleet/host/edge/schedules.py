@@ -86,8 +86,13 @@ class EdgeSchedules:
             async with asyncio.TaskGroup() as group:
                 group.create_task(self._schedules.run())
                 group.create_task(self._hear(self._schedules))
+        except Exception as error:  # a bug in it must not be silent: nobody waits for this task
+            cause = error.exceptions[0] if isinstance(error, ExceptionGroup) else error
+            self._problem = f"no schedule fires any more: {type(cause).__name__}: {cause}"
+            log.exception("%s", self._problem)
         finally:
-            store.close()
+            self._served.set()
+            await asyncio.to_thread(store.close)  # it waits for the disk, and robots may be stopped just now
 
     def before(self, told: Told) -> Told:
         """Return what hears of each event of the history, from any thread, and then tells ``told``."""
@@ -153,7 +158,7 @@ class EdgeSchedules:
         async with asyncio.timeout(SERVED_WITHIN):
             await self._served.wait()
         schedules = self._schedules
-        if schedules is None:
+        if schedules is None or self._problem:
             return ScheduleAnswer(refusal=self._problem)
         if asked.do == "run":
             firing = await schedules.start_now(asked.name, by=asked.by)

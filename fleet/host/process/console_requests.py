@@ -29,19 +29,27 @@ class ConsoleRequests:
         self._proven = proven
         self._refused = RateLimitedCounter(log, clock)
 
-    def refusal(self, robot: LocalRobot, kind: Kind, question: Query) -> Reply | None:
+    def refusal(self, robot: LocalRobot, kind: Kind, question: Query, way: Transport) -> Reply | None:
         """Return the answer to a request that is refused; None for one that may go on, as a program's may.
 
-        A stop needs no permission. What cannot be read goes on, to be refused by who reads it.
+        ``way``: as it will be read. A stop needs no permission. What cannot be read here is refused to who
+        may not operate: the robot reads it once more, and may know more by then.
         """
+        ask: Ask | None = None
+        may = Permission.VIEW
         try:
             asker = console_asker(question)
-            ask = None if asker is None else _ask_in(robot, kind, question)
-            if asker is None or ask is None or is_stop(ask):
+            if asker is None:
                 return None
-            why = asker.permission.refusal(_needed(ask))
+            may = asker.permission
+            ask = robot.ask_of(kind, question.payload, way=way, request_id="")
+            if ask is None or is_stop(ask):
+                return None
+            why = may.refusal(_needed(ask))
+        except WireError as error:
+            why = str(error) if may < Permission.OPERATE else ""
         except Refused as error:
-            why, ask = str(error), None
+            why = str(error)
         if not why:
             return None
         self._refused.add(robot.name, "refused a request of a console to %s: %s", robot.name, why)
@@ -51,14 +59,6 @@ class ConsoleRequests:
         """Return whether the name of the person who asks is known to be true: a known console tells it."""
         asker = console_asker(question)
         return asker is not None and asker.console in self._proven
-
-
-def _ask_in(robot: LocalRobot, kind: Kind, question: Query) -> Ask | None:
-    """Return what a message asks of a robot; None for what cannot be read, or asks nothing."""
-    try:
-        return robot.ask_of(kind, question.payload, way=Transport.BUS, request_id="")
-    except WireError:
-        return None
 
 
 def _needed(ask: Ask) -> Permission:

@@ -7,11 +7,14 @@ other robots go on.
 from __future__ import annotations
 
 import asyncio
+import logging
 from collections.abc import Callable
 
 from fleet.host.process.robot_process import RobotProcess
 from fleet.host.robot.local_robot import LocalRobot
 from fleet.robot_config import AdapterConfig
+
+log = logging.getLogger(__name__)
 
 ENDS_WITHIN = 12.0  # s for a run to bring its robot to a standstill and end
 BACK_WITHIN = 20.0  # s for a robot that answered before to answer again
@@ -27,8 +30,10 @@ async def rebuild(process: RobotProcess, robot: LocalRobot, config: AdapterConfi
     trouble = await _ended(process, robot)
     if trouble:
         return trouble
-    robot.configure(config)
+    trouble = take_over(robot, config)
     process.runs.resume(robot)
+    if trouble:
+        return trouble
     if not answered or await seen(lambda: not robot.controller.offline, BACK_WITHIN):
         return ""
     cause = robot.state().cause
@@ -37,6 +42,18 @@ async def rebuild(process: RobotProcess, robot: LocalRobot, config: AdapterConfi
     if not stuck:
         process.runs.resume(robot)
     return f"it did not answer within {BACK_WITHIN:g} s: {cause}" + (f"; {stuck}" if stuck else "")
+
+
+def take_over(robot: LocalRobot, config: AdapterConfig) -> str:
+    """Have a robot's host take over a configuration; return why it keeps the one before, if so."""
+    before = robot.config
+    try:
+        robot.configure(config)
+    except Exception as error:  # an adapter's Config has code of its own, and the robot must be run again
+        log.exception("%s does not take its configuration over", robot.name)
+        robot.configure(before)
+        return f"it does not take it over: {type(error).__name__}: {error}"
+    return ""
 
 
 async def _ended(process: RobotProcess, robot: LocalRobot) -> str:

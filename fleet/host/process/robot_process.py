@@ -335,13 +335,14 @@ class RobotProcess:
         if kind not in KINDS:
             refusal = f"{kind!r} is no kind of message; one of {', '.join(KINDS)}"
             return partial(answer, Reply(kind, ReplyStatus.REJECTED, refusal))
-        refused = self._consoles.refusal(robot, kind, question)
+        way = Transport.CLOUD if question.parameters.get("way") == "cloud" else Transport.BUS
+        refused = self._consoles.refusal(robot, kind, question, way)
         if refused is not None:
             return partial(answer, refused)
         take = robot.read(
             kind,
             question.payload,
-            way=Transport.CLOUD if question.parameters.get("way") == "cloud" else Transport.BUS,
+            way=way,
             request_id=question.parameters.get("id", ""),
             waits=waits,
             proven=self._consoles.is_proven(question),

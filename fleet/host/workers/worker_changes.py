@@ -50,16 +50,19 @@ class WorkerChanges:
         return ""
 
     async def change(self, worker: str, after: Loaded, *, force: bool) -> tuple[Outcome, str]:
-        """Start a worker with what is ``after``; return what came of it, and why it was not done."""
+        """Start a worker with what is ``after``; return what came of it, and why it was not done.
+
+        PARTLY: it runs with it, but not all robots that answered before do, and another does not rest.
+        """
         manager = self._workers.get(worker)
         if manager is None:
             why = f"worker {worker} was started by hand: end it, and start it with the new file"
             return Outcome.REFUSED, why
         answered = [robot for robot in self._of(worker) if robot.state().reachable]
-        old = manager.replace(msgspec.json.encode(task_of(after, worker)))
-        started = manager.started
+        new = msgspec.json.encode(task_of(after, worker))
+        old, started = manager.replace(new), manager.started
         refusal = await self.start_again(worker, force=force)
-        if refusal:
+        if refusal and manager.given != new:  # else it ended by itself, and was started with it
             manager.replace(old)
             return Outcome.REFUSED, refusal
         trouble = await self._back(manager, started, answered)
@@ -67,7 +70,10 @@ class WorkerChanges:
             return Outcome.DONE, ""
         manager.replace(old)
         started = manager.started
-        await self.start_again(worker, force=True)
+        refusal = await self.start_again(worker, force=force)
+        if refusal and refusal != _silent(worker):
+            manager.replace(new)
+            return Outcome.PARTLY, f"{trouble}; worker {worker} goes on with the new configuration: {refusal}"
         again = await self._back(manager, started, answered)
         return Outcome.FAILED, f"{trouble}; " + (again or "it has its configuration of before")
 
@@ -103,7 +109,7 @@ class WorkerChanges:
             loop.call_soon_threadsafe(take, "" if reply.ok else reply.reason or "it refuses")
 
         def ended() -> None:
-            loop.call_soon_threadsafe(take, f"worker {worker} does not answer")
+            loop.call_soon_threadsafe(take, _silent(worker))
 
         self._control.ask_later(
             keys.reload(self._edge, worker),
@@ -114,3 +120,8 @@ class WorkerChanges:
             on_end=ended,
         )
         return await heard
+
+
+def _silent(worker: str) -> str:
+    """Return what is said of a worker that does not answer, as one that does not run."""
+    return f"worker {worker} does not answer"

@@ -65,6 +65,7 @@ class WorkerManager:
         self._told = told
         self._halt = halt
         self.started = 0  # processes that came up, one after the other
+        self.given = b""  # the task of the last process that was started
         self._beat = 0.0
         self._gone = asyncio.Event()
         self._loop = asyncio.get_running_loop()
@@ -105,7 +106,8 @@ class WorkerManager:
         except OSError as error:
             return self._tell(f"cannot be started: {error.strerror}")
         assert process.stdin is not None
-        process.stdin.write(self._task)
+        self.given = self._task
+        process.stdin.write(self.given)
         process.stdin.close()
         exited = asyncio.ensure_future(process.wait())
         try:

@@ -50,7 +50,7 @@ class FakeSession:
     def subscribe_noted(self, key, call):
         self.heard.append((key, call))
 
-    def answer(self, key, call):
+    def answer(self, key, call, **_options):
         self.takers.append((key, call))
 
     def put(self, key, payload, *, urgent=False, note=b""):

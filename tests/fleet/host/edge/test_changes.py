@@ -4,6 +4,8 @@ import asyncio
 import contextlib
 import json
 import sys
+import threading
+from types import SimpleNamespace
 
 import msgspec
 import pytest
@@ -11,10 +13,14 @@ import pytest
 from fleet.bus import keys
 from fleet.bus.bus import open_edge
 from fleet.bus.settings import BusSettings
+from fleet.host.edge import changes
 from fleet.host.process import rebuild
 from fleet.host.requests.stop_cause import local_cause
+from fleet.host.workers import worker_changes
+from fleet.host.workers.worker_changes import WorkerChanges
 from fleet.model.change import ChangeKind, ChangesAnswer, ChangesAsked, Outcome
-from fleet.model.command import Reply
+from fleet.model.command import Reply, ReplyStatus
+from fleet.model.state import RobotState
 
 HERE = {"worker": "main"}
 GOTO = {"command": "goto", "position": [1.0, 2.0, 0.0], "action_id": "a1"}
@@ -159,6 +165,105 @@ async def test_a_robot_that_does_not_come_back_has_its_configuration_of_before(f
     assert not (await field.ask()).same
 
 
+async def test_a_robot_that_cannot_take_its_configuration_over_runs_with_the_one_before(field):
+    robot = field.edge.process.robots["rex"]
+    configure, before = robot.configure, robot.config
+
+    def refuses(config):
+        configure(config)
+        if config.stands:
+            raise ValueError("no plan for it")
+
+    robot.configure = refuses
+    field.write("rex", stands=True)
+    done = (await field.apply())["rex"]
+    assert (done.outcome, "no plan for it" in done.why) == (Outcome.FAILED, True)
+    assert robot.config == before
+    await field.until(lambda: field.state("rex").health == "ok")
+
+
+async def test_the_edge_serves_its_robots_between_the_changes_of_two(field, monkeypatch):
+    happened, compared_by = [], []
+
+    def noted(robot, configure):
+        def take(config):
+            happened.append(robot.name)
+            asyncio.get_running_loop().call_soon(happened.append, "served")
+            configure(config)
+
+        return take
+
+    def compared(loaded, outline_of=changes.outline_of):
+        compared_by.append(threading.current_thread())
+        return outline_of(loaded)
+
+    monkeypatch.setattr(changes, "outline_of", compared)
+    for robot in field.edge.process.robots.values():
+        robot.configure = noted(robot, robot.configure)
+        field.write(robot.name, accepts={"command": []})
+    assert {change.outcome for change in (await field.apply()).values()} == {Outcome.DONE}
+    assert happened == ["rex", "served", "max", "served"]
+    assert threading.current_thread() not in compared_by
+
+
+class Worker:
+    """A worker process that is started again as soon as it ends."""
+
+    def __init__(self, *answers):
+        self.name, self.task, self.given, self.started = "limbs", b"old", b"old", 1
+        self.answers, self.forced, self.reachable = list(answers), [], True
+
+    def replace(self, task):
+        before, self.task = self.task, task
+        return before
+
+    def start(self):
+        self.given, self.started, self.reachable = self.task, self.started + 1, self.task == b"old"
+
+    def ask_later(self, _key, _payload, *, parameters, on_answer, on_end, **_kept):
+        self.forced.append(bool(parameters))
+        answer = self.answers.pop(0)
+        if answer == "dies":
+            self.start()
+        elif not answer:
+            self.start()
+            on_answer(msgspec.json.encode(Reply("reload", ReplyStatus.ACCEPTED)))
+        else:
+            on_answer(msgspec.json.encode(Reply("reload", ReplyStatus.REJECTED, answer)))
+        on_end()
+
+    def state(self):
+        return RobotState(name="arm", twin="", adapter="", edge="", stamp=0.0, reachable=self.reachable)
+
+
+async def changed(worker, monkeypatch):
+    monkeypatch.setattr(worker_changes, "BACK_WITHIN", 0.1)
+    monkeypatch.setattr(worker_changes, "task_of", lambda after, _worker: msgspec.Raw(after))
+    robot = SimpleNamespace(worker="limbs", state=worker.state)
+    workers = WorkerChanges("edge", worker, {"limbs": worker}, {"arm": robot})
+    return await workers.change("limbs", b"new", force=False)
+
+
+async def test_a_worker_is_not_ended_once_more_while_another_of_its_robots_moves(monkeypatch):
+    worker = Worker("", "leg is armed; disarm it first")
+    outcome, why = await changed(worker, monkeypatch)
+    assert (outcome, "leg is armed" in why, worker.forced) == (Outcome.PARTLY, True, [False, False])
+    assert worker.task == worker.given == b"new"
+
+
+async def test_a_worker_whose_robots_do_not_come_back_runs_with_the_task_of_before(monkeypatch):
+    worker = Worker("", "")
+    outcome, why = await changed(worker, monkeypatch)
+    assert (outcome, "configuration of before" in why) == (Outcome.FAILED, True)
+    assert worker.task == worker.given == b"old"
+
+
+async def test_a_worker_that_died_and_came_up_with_the_change_is_not_told_as_unchanged(monkeypatch):
+    worker = Worker("dies", "")
+    outcome, _why = await changed(worker, monkeypatch)
+    assert (outcome, worker.task, worker.given) == (Outcome.FAILED, b"old", b"old")
+
+
 async def test_a_stop_that_is_set_stays_set_and_can_be_released(field):
     field.bus_session.put(keys.stop(field.place.id), b'["rex"]', urgent=True)
     await field.until(lambda: field.state("rex").emergency_stop)
@@ -267,6 +372,22 @@ async def test_a_stop_that_is_set_is_set_under_a_new_name_too(yard, run_edge, as
         await asks.until(lambda: all(state.health == "ok" for state in edge.states()), 30)
         assert {state.name: state.emergency_stop for state in edge.states()} == {"max": True, "leg": True}
         assert edge.process.robots["max"].controller.latched
+
+
+async def test_a_stop_under_a_new_name_outlives_an_edge_that_ends_before_its_worker_hears(
+    yard, run_edge, asks
+):
+    async with running(yard, run_edge, asks, arm={"worker": "limbs"}) as field:
+        field.bus_session.put(keys.stop(field.place.id), b"", urgent=True)
+        await field.until(lambda: field.state("arm").emergency_stop)
+    field.write("arm", name="leg")
+    for _ in range(2):
+        edge = field.place.edge()
+        latched = edge.process.journal.robot("leg").latched
+        edge.missions.close()
+        edge.bus.close()
+        await edge.process.close()
+    assert latched
 
 
 async def fleet(*arguments):

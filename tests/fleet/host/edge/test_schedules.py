@@ -4,6 +4,7 @@ import asyncio
 import contextlib
 import json
 import queue
+import threading
 import time
 from datetime import UTC, datetime
 
@@ -11,7 +12,8 @@ import pytest
 
 from fleet.cli.main import main
 from fleet.model.event import EventKind, EventReport
-from fleet.schedules.runner import Begun
+from fleet.schedules.runner import Begun, Schedules
+from fleet.schedules.store import Store
 from fleet.testing.waiting import wait_until
 
 HERE = {"worker": "main"}
@@ -97,6 +99,42 @@ async def test_an_event_of_the_history_fires_and_all_that_happens_is_in_the_hist
         _, out, _ = await fleet("history", "--json")
         told = [each["text"] for each in json.loads(out) if each["kind"] == "schedule"]
         assert told == ["schedule low: fired: rex: 17 %", "schedule low: started as run-1"]
+
+
+async def test_schedules_that_fail_are_told_by_the_edge_and_by_the_command_line(
+    scheduled, run_edge, fleet, monkeypatch
+):
+    _, edge, _ = scheduled
+
+    async def fails(_schedules, *_event):
+        raise RuntimeError("a bug")
+
+    monkeypatch.setattr(Schedules, "heard", fails)
+    async with run_edge(edge):
+        await fleet("schedule", "ls")  # it is served by now
+        edge.process.history.add("rex", EventReport(time.time(), EventKind.BATTERY, "17 %"))
+        await asyncio.to_thread(wait_until, "it is told", lambda: edge.schedules.problem)
+        assert edge.schedules.problem == "no schedule fires any more: RuntimeError: a bug"
+        assert edge.state().health == "degraded"
+        code, _, err = await fleet("schedule", "run", "dawn")
+        assert (code, "a bug" in err) == (5, True)
+
+
+async def test_a_disk_that_is_slow_does_not_hold_up_the_robots_when_the_edge_ends(
+    scheduled, run_edge, fleet, monkeypatch
+):
+    _, edge, _ = scheduled
+    close, closed_by = Store.close, []
+
+    def noted(store):
+        closed_by.append(threading.current_thread())
+        close(store)
+
+    monkeypatch.setattr(Store, "close", noted)
+    async with run_edge(edge):
+        await fleet("schedule", "ls")
+    assert closed_by
+    assert threading.current_thread() not in closed_by
 
 
 async def test_a_robot_whose_emergency_stop_is_set_is_named_to_what_starts_missions(

@@ -28,8 +28,10 @@ async def asked_as(yard, run_edge, asks):
         await asks.until(lambda: all(state.health == "ok" for state in edge.states()))
         bus_session = await asyncio.to_thread(place.bus_session)
 
-        async def asked_as(permission, key, message, console="desk", **parameters):
-            stamped = json.dumps({"session_id": "anna", "timestamp": time.time(), **message}).encode()
+        async def asked_as(permission, key, message, console="desk", before=b"", **parameters):
+            stamped = (
+                before + json.dumps({"session_id": "anna", "timestamp": time.time(), **message}).encode()
+            )
             asked = keys.as_console(key, permission, console)
             found = await asyncio.to_thread(
                 lambda: list(bus_session.ask(asked, stamped, timeout=20, parameters=parameters))
@@ -56,6 +58,18 @@ async def test_a_robot_obeys_a_console_as_far_as_its_persons_permission_goes(ask
     assert asked_as.place.words("rex") == ["run"]
     taken = await asked_as("operate", asked_as.robot, command("walk"), kind="command")
     assert taken["status"] == "accepted"
+
+
+async def test_a_message_that_only_the_cloud_may_send_so_needs_the_permission_too(asked_as):
+    tele = {"linear_x": 0.1, "source_type": "tele"}
+    refused = await asked_as("view", asked_as.robot, tele, before=b" ", kind="motion", way="cloud")
+    assert (refused["status"], refused["reason"]) == ("rejected", NEEDS_OPERATE)
+    assert asked_as.place.words("rex") == ["run"]
+
+
+async def test_what_cannot_be_read_is_refused_to_who_may_only_look(asked_as):
+    refused = await asked_as("view", asked_as.robot, {"linear_x": 0.1}, before=b" ", kind="motion")
+    assert (refused["status"], "JSON" in refused["reason"]) == ("rejected", True)
 
 
 async def test_a_stop_needs_no_permission(asked_as):
