@@ -5,13 +5,14 @@ The console has checked it before. But its process, and whoever has its certific
 
 from __future__ import annotations
 
+import contextlib
 import logging
 from collections.abc import Collection
 
 from fleet.bus.zenoh_session import Query
 from fleet.clock import Clock
 from fleet.errors import Refused, WireError
-from fleet.host.requests.console_asker import console_asker
+from fleet.host.requests.console_asker import console_asker, console_refusal
 from fleet.host.requests.decode import Ask, is_stop
 from fleet.host.robot.local_robot import LocalRobot
 from fleet.model.command import Command, Reply, ReplyStatus, Transport
@@ -35,21 +36,16 @@ class ConsoleRequests:
         ``way``: as it will be read. A stop needs no permission. What cannot be read here is refused to who
         may not operate: the robot reads it once more, and may know more by then.
         """
+        if not question.suffix:
+            return None
         ask: Ask | None = None
-        may = Permission.VIEW
         try:
-            asker = console_asker(question)
-            if asker is None:
-                return None
-            may = asker.permission
             ask = robot.ask_of(kind, question.payload, way=way, request_id="")
             if ask is None or is_stop(ask):
                 return None
-            why = may.refusal(_needed(ask))
+            why = console_refusal(question, _needed(ask))
         except WireError as error:
-            why = str(error) if may < Permission.OPERATE else ""
-        except Refused as error:
-            why = str(error)
+            why = str(error) if console_refusal(question, Permission.OPERATE) else ""
         if not why:
             return None
         self._refused.add(robot.name, "refused a request of a console to %s: %s", robot.name, why)
@@ -57,8 +53,10 @@ class ConsoleRequests:
 
     def is_proven(self, question: Query) -> bool:
         """Return whether the name of the person who asks is known to be true: a known console tells it."""
-        asker = console_asker(question)
-        return asker is not None and asker.console in self._proven
+        with contextlib.suppress(Refused):  # of a malformed key; a stop that comes by one is a stop
+            asker = console_asker(question)
+            return asker is not None and asker.console in self._proven
+        return False
 
 
 def _needed(ask: Ask) -> Permission:

@@ -58,11 +58,16 @@ class FakeSession:
             if key in (declared, declared.replace("yard", "*")):
                 call(payload, note)
 
-    def ask(self, key, payload, **parameters):
+    def ask(self, key, payload, *, suffix="", **parameters):
         """Ask; return what was answered, which may come later."""
         answers = []
         question = SimpleNamespace(
-            payload=payload, parameters=parameters, key=key, reply=answers.append, close=lambda: None
+            payload=payload,
+            parameters=parameters,
+            key=key,
+            suffix=suffix,
+            reply=answers.append,
+            close=lambda: None,
         )
         for declared, call in self.takers:
             if declared == key:
@@ -71,7 +76,7 @@ class FakeSession:
 
     def ask_later(self, key, payload, *, timeout, parameters, on_answer, on_end):
         question = SimpleNamespace(
-            payload=payload, parameters=parameters, key=key, reply=on_answer, close=on_end
+            payload=payload, parameters=parameters, key=key, suffix="", reply=on_answer, close=on_end
         )
         for declared, call in self.takers:
             if declared == key:
@@ -157,6 +162,8 @@ WAYS = {
     "mqtt navigation": lambda rig, payload: rig.over_mqtt("navigate/command", payload),
     "mqtt mission": lambda rig, payload: rig.over_mqtt("mission/command", payload),
     "bus command": lambda rig, payload: rig.over_the_bus(payload),
+    "bus, a console that may look": lambda rig, payload: rig.over_the_bus(payload, suffix="/as/view/screen"),
+    "bus, no such console": lambda rig, payload: rig.over_the_bus(payload, suffix="/as/god/"),
     "bus of no kind": lambda rig, payload: rig.over_the_bus(payload, kind="dance", way="cloud"),
     "stop key": lambda rig, payload: rig.bus_session.put("fleet/*/stop", payload, urgent=True),
 }

@@ -189,7 +189,7 @@ def runs_of(edge):
 
 
 async def test_a_mission_of_two_robots_starts_by_itself_with_the_authority_of_fleet_yaml(ready):
-    soon = datetime.fromtimestamp(time.time() + 3, UTC).isoformat()
+    soon = datetime.fromtimestamp(time.time() + 10, UTC).isoformat()
     async with ready(PATROL, fair={"mission": "patrol", "once": soon}) as (place, edge):
         await asyncio.to_thread(wait_until, "the run has ended", lambda: runs_of(edge))
         ((run, (by, way, outcome, members)),) = runs_of(edge).items()
