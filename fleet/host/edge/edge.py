@@ -40,6 +40,7 @@ from fleet.host.process.component_settings import (
     bus_settings,
     cloud_settings,
     settle_time,
+    settle_time_beside,
     spool_settings,
     topics,
 )
@@ -107,7 +108,7 @@ class Edge:
                 journal=journal,
                 history=history,
                 clock=clock,
-                settle=settle_time(config),
+                settle=max(settle_time(config), settle_time_beside(config.edge.id, directory)),
                 supervised=supervised,
                 traffic=positions_of(config, clock),
             )

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from fleet.bridge.bridge import BridgeRules
 from fleet.bus.access import Access
-from fleet.bus.settings import BusSettings, BusTls
+from fleet.bus.settings import BusSettings, BusTls, running_edges
 from fleet.cloud.credentials import PLACEHOLDER, client_id, credentials
 from fleet.cloud.values import CloudSettings
 from fleet.config.schema import CloudConfig, FleetConfig, Sections
@@ -79,6 +79,11 @@ def settle_time(config: Sections) -> float:
     bus = config.bus
     known = [end for end in bus.listen if not end.endswith(":0")]
     return SETTLE if known or bus.connect or bus.scouting else 0.0
+
+
+def settle_time_beside(edge: str, directory: Path) -> float:
+    """Return how long a twin is wanted where other edges run on this computer: they may reach our sockets."""
+    return SETTLE if any(other != edge for other in running_edges(directory)) else 0.0
 
 
 def bridge_rules(cloud: CloudConfig, robots: Iterable[AdapterConfig]) -> BridgeRules:

@@ -25,6 +25,7 @@ from fleet.host.journal.stores import open_stores
 from fleet.host.logs.folders import log_folder
 from fleet.host.logs.setup import LogSettings, start_logging
 from fleet.host.process.common_start import take_starts
+from fleet.host.process.component_settings import settle_time_beside
 from fleet.host.process.driverlog import publish_robot_logs
 from fleet.host.process.history_service import HistoryService
 from fleet.host.process.interrupted_commands import tell_interrupted_commands
@@ -64,7 +65,7 @@ async def run(task: WorkerTask, directory: Path, parent: int | None) -> int:
         history=history,
         clock=clock,
         worker=name,
-        settle=task.settle,
+        settle=max(task.settle, settle_time_beside(edge, directory)),
         supervised=connect_supervisor(),
         traffic=RobotPositions(task.site, task.names, clock),
     )

@@ -1,3 +1,5 @@
+import socket
+
 import pytest
 
 from fleet.config.schema import BusConfig, CloudConfig, EdgeConfig, FleetConfig
@@ -5,9 +7,11 @@ from fleet.host.process.component_settings import (
     bridge_rules,
     bus_settings,
     cloud_settings,
+    settle_time_beside,
     topics,
     worker_of,
 )
+from fleet.host.process.twin_claims import SETTLE
 from fleet.plugins.registry import Plugin
 from fleet.robot_config import AdapterConfig
 
@@ -25,6 +29,15 @@ def cloud(**fields):
 
 def robot(**fields):
     return AdapterConfig(name="rex", twin=TWIN, **fields)
+
+
+def test_an_edge_waits_for_its_twins_where_another_edge_runs_on_this_computer(tmp_path):
+    with socket.socket(socket.AF_UNIX) as other:
+        other.bind(str(tmp_path / "orchard.control.sock"))
+        other.listen()
+        assert settle_time_beside("yard", tmp_path) == SETTLE
+        assert settle_time_beside("orchard", tmp_path) == 0.0
+    assert settle_time_beside("yard", tmp_path) == 0.0
 
 
 @pytest.mark.parametrize(
