@@ -21,9 +21,16 @@ def read(folder: Path, wanted: EventFilter) -> list[Record]:
         return []
     try:
         with _opened(path) as database:
+            if _is_new(database):
+                return []
             return list(_records(database, wanted))[::-1]
     except (sqlite3.Error, OSError, StateNewer) as error:
         raise StateError(f"{path} cannot be read: {error}") from None
+
+
+def _is_new(database: sqlite3.Connection) -> bool:
+    """Return True for a file without tables: an edge is about to make them."""
+    return database.execute("SELECT 1 FROM sqlite_master LIMIT 1").fetchone() is None
 
 
 def _records(database: sqlite3.Connection, wanted: EventFilter) -> Iterator[Record]:
@@ -47,7 +54,7 @@ def _opened(path: Path) -> Iterator[sqlite3.Connection]:
             closing.callback(database.close)
             try:
                 format_of(database, len(FORMATS))
-                database.execute("SELECT 1 FROM event LIMIT 1")
+                _is_new(database)
             except sqlite3.OperationalError:
                 if each != address:
                     raise

@@ -1,5 +1,6 @@
 """What happened, kept within bounds on a disk that may be full, read-only, damaged or shared."""
 
+import contextlib
 import json
 import sqlite3
 import subprocess
@@ -70,6 +71,14 @@ def test_an_event_is_read_as_it_was_written(store):
     )
     assert (record.severity, record.asker, record.command) == (said.severity, said.asker, said.command)
     assert (record.request, record.data) == (said.request, said.data)
+
+
+def test_a_history_whose_tables_are_about_to_be_made_has_no_events(tmp_path):
+    (tmp_path / HISTORY).touch()
+    assert read(tmp_path, EventFilter((), 0.0, 50)) == []
+    with contextlib.closing(sqlite3.connect(tmp_path / HISTORY)) as database:
+        database.execute("PRAGMA journal_mode = WAL")
+    assert read(tmp_path, EventFilter((), 0.0, 50)) == []
 
 
 def test_events_are_found_by_robot_and_time_the_newest_of_them_in_order(store):
