@@ -196,7 +196,10 @@ def run(yard):
 
 def gone(process):
     """Return True for a process that has ended, though nobody may have taken note of it."""
-    return not process.is_running() or process.status() == psutil.STATUS_ZOMBIE
+    try:
+        return not process.is_running() or process.status() == psutil.STATUS_ZOMBIE
+    except psutil.NoSuchProcess:  # it ended in between
+        return True
 
 
 @pytest.mark.parametrize("kind", KINDS)

@@ -126,7 +126,7 @@ async def test_a_robot_that_somebody_moves_is_not_let_go_for_what_the_cloud_show
         ask = b'{"command": "move_forward", "source_type": "tele"}'
         rex.read("command", ask, way=Transport.BUS)(lambda _: None)
         edge.cloud_claims.heard(rex.twin, "yard-0")
-        assert "yard-0" in edge.state().cause
+        await asks.until(lambda: "yard-0" in edge.state().cause)  # once nothing is worse
         assert "yard-0" not in state_of(edge, "rex").cause
         assert "halt" not in place.words("rex")
 
