@@ -82,7 +82,7 @@ class ArduPilotFailsafes:
             )
 
     def _watch_battery(self) -> None:
-        """Warn below BATT_LOW_VOLT for BATT_LOW_TIMER; BATT_FS_LOW_ACT 1 lands, 2 returns."""
+        """Fail once below BATT_LOW_VOLT for BATT_LOW_TIMER."""
         pilot = self._pilot
         battery, params = pilot.battery, pilot.params
         if battery.volts >= params["BATT_LOW_VOLT"]:
@@ -92,10 +92,13 @@ class ArduPilotFailsafes:
         if self._battery_acted or pilot.time - self._low_since < params["BATT_LOW_TIMER"]:
             return
         self._battery_acted = True
-        text = f"Battery 1 is low {battery.volts:.2f}V used {battery.used_mah:.0f} mAh"
-        mode = {1: "LAND", 2: "RTL"}.get(int(params["BATT_FS_LOW_ACT"]))
+        self._battery_failed(f"Battery 1 is low {battery.volts:.2f}V used {battery.used_mah:.0f} mAh")
+
+    def _battery_failed(self, text: str) -> None:
+        """BATT_FS_LOW_ACT: 1 lands, 2 returns."""
+        mode = {1: "LAND", 2: "RTL"}.get(int(self._pilot.params["BATT_FS_LOW_ACT"]))
         if mode is None:
-            pilot.say(WARNING, text)
+            self._pilot.say(WARNING, text)
         else:
             self._fail("battery", text, mode)
 

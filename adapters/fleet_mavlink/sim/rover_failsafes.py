@@ -63,19 +63,10 @@ class RoverFailsafes(ArduPilotFailsafes):
             pilot.enter(pilot.modes[mode if pilot.has_position else "HOLD"])
             pilot.out.append(heartbeat(pilot))
 
-    def _watch_battery(self) -> None:
-        """BATT_FS_LOW_ACT below BATT_LOW_VOLT for BATT_LOW_TIMER."""
-        pilot = self._pilot
-        battery, params = pilot.battery, pilot.params
-        if battery.volts >= params["BATT_LOW_VOLT"]:
-            self._low_since = None
-            return
-        self._low_since = pilot.time if self._low_since is None else self._low_since
-        if self._battery_acted or pilot.time - self._low_since < params["BATT_LOW_TIMER"]:
-            return
-        self._battery_acted = True
-        pilot.say(WARNING, f"Battery 1 is low {battery.volts:.2f}V used {battery.used_mah:.0f} mAh")
-        self._act(int(params["BATT_FS_LOW_ACT"]))
+    def _battery_failed(self, text: str) -> None:
+        """BATT_FS_LOW_ACT."""
+        self._pilot.say(WARNING, text)
+        self._act(int(self._pilot.params["BATT_FS_LOW_ACT"]))
 
     def _watch_position(self) -> None:
         """FS_EKF_ACTION 1: HOLD when the position is lost in a mode that needs it."""
