@@ -92,7 +92,7 @@ def _show_all(out: Output, found: RobotDescription) -> None:
     if found.goals:
         out.say(f"goals: fleet goto {found.robot} X Y Z")
     if found.missions:
-        out.say(f"missions: fleet mission {found.robot} start FILE")
+        out.say(f"missions: fleet mission run FILE --robot {found.robot}")
     if found.limits:
         limits = ", ".join(f"{name} {value:g} {_unit(name)}" for name, value in found.limits.items())
         out.say(f"limits: {limits}")

@@ -6,6 +6,7 @@ import os
 from pathlib import Path
 
 import click
+import msgspec
 
 from fleet.cli.output import ExitCode, Output, counted, with_output
 from fleet.doctor.examination import CONFIG, examine
@@ -30,7 +31,7 @@ def doctor(out: Output, file: Path, *, plugins: bool) -> ExitCode:
     """
     findings = examine(file, os.environ, plugins=plugins)
     code = code_of(findings)
-    out.data({"ok": code is ExitCode.OK, "findings": [_for_programs(each) for each in findings]})
+    out.data({"ok": code is ExitCode.OK, "findings": msgspec.to_builtins(findings)})
     for each in findings:
         out.say(f"{each.verdict.value:<8} {each.check}: {each.found}")
         if each.cure:
@@ -45,16 +46,6 @@ def code_of(findings: list[Finding]) -> ExitCode:
     if CONFIG in wrong:
         return ExitCode.CONFIG_INVALID
     return ExitCode.RUNTIME_ERROR if wrong else ExitCode.OK
-
-
-def _for_programs(finding: Finding) -> dict[str, str]:
-    """Return a finding with all its fields."""
-    return {
-        "check": finding.check,
-        "verdict": finding.verdict.value,
-        "found": finding.found,
-        "cure": finding.cure,
-    }
 
 
 def _summary(findings: list[Finding]) -> str:

@@ -196,9 +196,8 @@ def _edges(subject: Subject | None) -> list[Finding]:
     except NotRunning as problem:
         if subject is not None and subject.running:
             return [error(software.EDGES, str(problem), "fleet logs")]
-        return [
-            unknown(software.EDGES, "no edge runs here, so others cannot be asked through it", "fleet run")
-        ]
+        who = "no edge runs here" if file is None else f"the edge of {file} does not run"
+        return [unknown(software.EDGES, f"{who}, so others cannot be asked through it", "fleet run")]
     middle, doubt = (before + after) / 2, (after - before) / 2
     seen = [software.SeenEdge(state, state.stamp - middle, doubt) for state in states]
     return software.check_edges(seen, problems, __version__)

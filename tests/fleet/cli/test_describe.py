@@ -40,6 +40,7 @@ def test_all_that_a_robot_takes_is_shown_with_whether_it_would_now_and_why_not(f
     assert "not now: takeoff: emergency stop is set" in rows
     assert "land yes -" in rows
     assert "limits: speed 5 m/s" in rows
+    assert "missions: fleet mission run FILE --robot kestrel" in rows
     assert fleet("describe", "kestrel", "--json").json["commands"][0]["refusal"] == "emergency stop is set"
 
 
