@@ -103,13 +103,19 @@ def check_followers(robots: Mapping[int, AdapterConfig], document: Document) -> 
 
 
 def warn_of_places(
-    robots: Mapping[int, AdapterConfig], at_home: Collection[int], *, has_site: bool, document: Document
+    robots: Mapping[int, AdapterConfig],
+    at_home: Collection[int],
+    *,
+    has_site: bool,
+    has_partners: bool,
+    document: Document,
 ) -> None:
     """Warn of robots that nobody can place beside the others, so that they are not kept apart.
 
-    ``at_home`` are the robots that tell where on Earth their home is, ``has_site``: the site has an origin.
+    ``at_home`` are the robots that tell where on Earth their home is, ``has_site``: the site has an origin,
+    ``has_partners``: there are robots of other edges.
     """
-    if len(robots) < 2:
+    if len(robots) < 2 and not has_partners:
         return
     on_earth = [index for index, robot in robots.items() if robot.origin is not None or index in at_home]
     started = [index for index, robot in robots.items() if robot.start is not None]
@@ -117,7 +123,8 @@ def warn_of_places(
         message = "it cannot be placed beside the other robots: separation unknown, they are not kept apart"
         hint = "start: [metres east, metres north, heading in radians], from the site's origin"
         document.warn(document.marks["robots", index], message, hint)
-    for index in started if not has_site and set(on_earth) - set(started) else ():
+    others_on_earth = has_partners or set(on_earth) - set(started)
+    for index in started if not has_site and others_on_earth else ():
         message = "nobody knows where its start is on Earth, where other robots are: separation unknown"
         mark = document.marks.get(("robots", index, "start")) or document.marks["robots", index]
         document.warn(mark, message, "site: {origin: [latitude, longitude, altitude]}")

@@ -181,7 +181,8 @@ def _warn(document: Document, sections: Sections | None, robots: Mapping[int, _M
     warn_of_drop_ins({index: made.config for index, made in robots.items() if made.plugin.file}, document)
     at_home = [index for index, robot in robots.items() if getattr(robot.plugin.adapter, "tells_home", False)]
     has_site = sections is not None and sections.site.origin is not None
-    warn_of_places(configs, at_home, has_site=has_site, document=document)
+    has_partners = sections is not None and any(each.robots for each in sections.partners.values())
+    warn_of_places(configs, at_home, has_site=has_site, has_partners=has_partners, document=document)
 
 
 def sections_of(path: str | os.PathLike[str], environ: Mapping[str, str] | None = None) -> Sections:

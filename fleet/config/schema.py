@@ -311,7 +311,9 @@ class PartnerConfig(Model):
     """Another edge of the site, for missions of several edges."""
 
     robots: tuple[Name, ...] = Field(
-        (), description="Robots of that edge that missions of this one may use, by name."
+        (),
+        description="Robots of that edge, by name: missions of this one may use them, and its robots are "
+        "kept apart from them.",
     )
     coordinates: bool = Field(
         False,
@@ -367,7 +369,7 @@ class Sections(Model):
         {}, description="When missions start by themselves (docs/how-to/groups.md)."
     )
     partners: dict[Name, PartnerConfig] = Field(
-        {}, description="Other edges with which this one carries out missions, by their id."
+        {}, description="Other edges with which this one shares missions and the site, by their id."
     )
     places: dict[Name, PlaceConfig] = Field(
         {}, description="Named points and areas: where robots are sent by name, and what missions occupy."

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 
 from fleet.errors import Refused
 from fleet.missions.program import Condition, Loop, Program, WaitFor
 from fleet.missions.run_robots import RunRobots
+from fleet.model.state import RobotState
 
 Elsewhere = Callable[[str], str]
 """The other edge that has a robot; empty for one of this edge."""
@@ -32,15 +33,13 @@ def require_reach(program: Program, robots: RunRobots, edge: str, elsewhere: Els
             )
 
 
-def not_kept_apart(robots: RunRobots, elsewhere: Elsewhere) -> str:
-    """Return which robots of a run nobody keeps apart from each other, in words; empty for none."""
-    edges: dict[str, list[str]] = {}
-    for name in robots.members:
-        edges.setdefault(elsewhere(name), []).append(name)
-    sides = [", ".join(names) for names in edges.values()]
-    if len(sides) < 2:
+def not_kept_apart(states: Iterable[RobotState], elsewhere: Elsewhere) -> str:
+    """Return which robots of a run of several edges do not know how far they are from others; in words."""
+    states = tuple(states)
+    if len({elsewhere(state.name) for state in states}) < 2:
         return ""
-    return f"Nobody keeps {' and '.join(sides)} apart: they are robots of different edges"
+    hidden = [f"{state.name}: separation {state.separation}" for state in states if state.separation]
+    return f"Not kept apart from each other: {'; '.join(hidden)}" if hidden else ""
 
 
 def _conditions(program: Program) -> Iterator[tuple[str, Condition]]:

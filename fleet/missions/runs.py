@@ -246,7 +246,8 @@ class Runs:
             return
         self._runs[run.id] = run
         run.see(list(run.engine.robots.members))
-        danger = not_kept_apart(run.engine.robots, self._elsewhere)
+        states = (self.robots[name].state() for name in run.engine.robots.members)
+        danger = not_kept_apart(states, self._elsewhere)
         if danger:
             run.engine.robots.note(danger)
         run.take(Start(), new=True)

@@ -72,7 +72,7 @@ class RobotProcess:
 
     ``history`` takes what is asked, by whom, and what came of it; the journal's thread writes it.
     ``settle``: how many seconds other edges get to show which twins they have, before a robot is run.
-    ``traffic``: where all robots of the edge are; left out, they are not kept apart.
+    ``traffic``: positions of all robots of the edge and its partners; left out, they are not kept apart.
     """
 
     def __init__(
@@ -122,8 +122,7 @@ class RobotProcess:
         if traffic is not None:
             for robot in self.robots.values():
                 robot.share_space(traffic)
-            here, everywhere = keys.places(edge, worker or MAIN), keys.places(edge, "*")
-            exchange(traffic, here, everywhere, bus.control, self.scheduler)
+            exchange(traffic, worker or MAIN, bus.control, self.scheduler)
         self._consoles = ConsoleRequests(bus.consoles, clock)
         self.claims = TwinClaims(
             edge,

@@ -1,18 +1,20 @@
-"""Where the robots of an edge are, as far as one of its processes knows: its own, and what others tell.
+"""Positions of the robots of an edge and of its partners, as far as one process knows.
 
 Each process judges the motion of its own robots, against all. What it must know of the robots of another
-process comes over the bus, ten times a second. A process that falls silent leaves its robots where they were
-heard last; how far they may have gone since is part of the judgement.
+process, of its edge or of a partner, comes over the bus, ten times a second. A process that falls silent
+leaves its robots where they were heard last; how far they may have gone since is part of the judgement.
 """
 
 from __future__ import annotations
 
 import asyncio
 import logging
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
+from functools import partial
 
 import msgspec
 
+from fleet.bus import keys
 from fleet.bus.zenoh_session import ZenohSession
 from fleet.clock import Clock
 from fleet.config.schema import FleetConfig
@@ -39,21 +41,36 @@ class _Told(msgspec.Struct, frozen=True):
 
 
 class _Sheet(msgspec.Struct, frozen=True):
-    """What a process tells of its robots; ``anchor``: the origin of those on Earth, None without any."""
+    """What a process tells of its robots; ``anchor``: the origin of those on Earth, None without any.
+
+    ``located``: the anchor is the origin of the site, so that all of its robots are on Earth.
+    """
 
     robots: tuple[_Told, ...]
     anchor: GeoOrigin | None = None
+    located: bool = False
 
 
 class RobotPositions:
-    """The robots of one edge, in the site's frame; ``names`` are those of all of them.
+    """The robots of one edge and of its partners, in the site's frame.
 
+    ``names`` are those of all robots of ``edge``, ``partners`` the edges of the others by their names.
     Without a site's origin, robots on Earth have a frame of their own, around the first that is known, and
     nobody knows how far they are from the others.
     """
 
-    def __init__(self, site: GeoOrigin | None, names: Iterable[str], clock: Clock) -> None:
-        self._names = tuple(names)
+    def __init__(
+        self,
+        site: GeoOrigin | None,
+        names: Iterable[str],
+        clock: Clock,
+        *,
+        edge: str = "",
+        partners: Mapping[str, str] | None = None,
+    ) -> None:
+        self.edge = edge
+        self._edges = {**(partners or {}), **dict.fromkeys(names, edge)}
+        self._names = tuple(self._edges)
         self._clock = clock
         self._site = site
         self._anchor = site
@@ -62,8 +79,13 @@ class RobotPositions:
 
     @property
     def alone(self) -> bool:
-        """True on an edge of one robot."""
+        """True for one robot without others, here or at a partner."""
         return len(self._names) < 2
+
+    @property
+    def edges(self) -> frozenset[str]:
+        """The edges whose robots are known here: this one and its partners."""
+        return frozenset({self.edge, *self._edges.values()})
 
     def join(self, robot: SeparationKeeper) -> None:
         """Have a robot of this process known to the others."""
@@ -158,20 +180,25 @@ class RobotPositions:
             for robot in self._own.values()
             if (occupant := robot.occupant()) is not None
         ]
-        return msgspec.json.encode(_Sheet(tuple(robots), self._anchor))
+        return msgspec.json.encode(_Sheet(tuple(robots), self._anchor, self._site is not None))
 
-    def hear(self, payload: bytes) -> None:
-        """Take what another process tells; on the loop."""
+    def hear(self, payload: bytes, edge: str) -> None:
+        """Take what another process of this edge or of a partner tells of its robots; on the loop.
+
+        A partner's robot without a place on Earth is in a frame that is not ours: it stays unknown.
+        """
         try:
             sheet = decode_json(payload, _Sheet)
         except msgspec.DecodeError as error:
-            log.warning("where the robots of another process are cannot be read: %s", error)
+            log.warning("positions of robots from edge %s cannot be read: %s", edge, error)
             return
         now = self._clock.monotonic()
         placement = None if sheet.anchor is None else self.place(sheet.anchor)
         for told in sheet.robots:
-            if told.robot.name in self._names and told.robot.name not in self._own:
-                self._told[told.robot.name] = now, _moved(told, placement)
+            name, on_earth = told.robot.name, told.on_earth or sheet.located
+            if name in self._own or self._edges.get(name) != edge or not (on_earth or edge == self.edge):
+                continue
+            self._told[name] = now, _moved(msgspec.structs.replace(told, on_earth=on_earth), placement)
 
 
 def _may_meet(robot: Occupant, at: Vector3, reach: float) -> bool:
@@ -192,24 +219,28 @@ def _moved(told: _Told, placement: Placement | None) -> _Told:
 
 
 def positions_of(config: FleetConfig, clock: Clock) -> RobotPositions:
-    """Return the robots of a fleet file, none of which is placed yet."""
+    """Return the robots of a fleet file and of its partners, none of which is placed yet."""
     origin = config.site.origin
     return RobotPositions(
-        GeoOrigin(*origin) if origin else None, (robot.name for robot in config.robots), clock
+        GeoOrigin(*origin) if origin else None,
+        (robot.name for robot in config.robots),
+        clock,
+        edge=config.edge.id,
+        partners=partner_robots(config),
     )
 
 
-def exchange(
-    traffic: RobotPositions, own: str, all_: str, control: ZenohSession, scheduler: TickScheduler
-) -> None:
-    """Tell the edge's other processes where the robots of this one are, and hear of theirs.
+def partner_robots(config: FleetConfig) -> dict[str, str]:
+    """Return the edges of the partners' robots, by the names of the robots."""
+    return {robot: edge for edge, partner in config.partners.items() for robot in partner.robots}
 
-    ``own`` is the key of this process, ``all_`` those of all.
-    """
-    loop, publisher = asyncio.get_running_loop(), control.publisher(own)
 
-    def heard(_key: str, payload: bytes) -> None:
-        loop.call_soon_threadsafe(traffic.hear, payload)
+def exchange(traffic: RobotPositions, process: str, control: ZenohSession, scheduler: TickScheduler) -> None:
+    """Tell the other processes where the robots of this one are, and hear of theirs and of the partners'."""
+    loop, publisher = asyncio.get_running_loop(), control.publisher(keys.places(traffic.edge, process))
+
+    def heard(edge: str, _key: str, payload: bytes) -> None:
+        loop.call_soon_threadsafe(traffic.hear, payload, edge)
 
     def tell() -> None:
         if publisher.wanted:
@@ -219,5 +250,6 @@ def exchange(
         log.error("where the robots are could not be told", exc_info=error)
         scheduler.every(TELL, tell, failed=tell_on)
 
-    control.subscribe(all_, heard)
+    for edge in sorted(traffic.edges):
+        control.subscribe(keys.places(edge, "*"), partial(heard, edge))
     scheduler.every(TELL, tell, failed=tell_on)

@@ -67,7 +67,7 @@ async def run(task: WorkerTask, directory: Path, parent: int | None) -> int:
         worker=name,
         settle=max(task.settle, settle_time_beside(edge, directory)),
         supervised=connect_supervisor(),
-        traffic=RobotPositions(task.site, task.names, clock),
+        traffic=RobotPositions(task.site, task.names, clock, edge=edge, partners=task.partners),
     )
     ended = asyncio.Event()
     end_by_signal(ended.set)

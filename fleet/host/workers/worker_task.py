@@ -22,6 +22,7 @@ from fleet.host.journal.stores import history_bounds
 from fleet.host.process.component_settings import bus_access, bus_settings, settle_time, worker_of
 from fleet.host.process.robot_process import RobotSpec
 from fleet.host.process.stop_inputs import robots_of
+from fleet.host.robot.robot_positions import partner_robots
 from fleet.model.geodesy import GeoOrigin
 from fleet.plugins.drop_in_file import Imported, import_file, insecure
 from fleet.plugins.registry import Plugin, Registry
@@ -43,7 +44,8 @@ class WorkerTask(msgspec.Struct, frozen=True):
 
     ``state``: the edge's folder of lasting state, with ``history`` of such bounds; ``settle``: seconds to
     listen for other edges' claims; ``folder``: where relative paths begin; ``names``: of all robots of the
-    edge; ``held``: robots of this worker that a stop input stops.
+    edge; ``partners``: the other edges' robots by name, with their edge; ``held``: robots of this worker that
+    a stop input stops.
     """
 
     worker: str
@@ -58,6 +60,7 @@ class WorkerTask(msgspec.Struct, frozen=True):
     robots: tuple[RobotTask, ...]
     held: tuple[str, ...] = ()
     site: GeoOrigin | None = None
+    partners: dict[str, str] = {}
 
 
 def task_of(loaded: Loaded, worker: str) -> WorkerTask:
@@ -78,6 +81,7 @@ def task_of(loaded: Loaded, worker: str) -> WorkerTask:
         robots=robots,
         held=robots_of(config.stop_inputs, config.members, (robot.name for robot in robots)),
         site=GeoOrigin(*origin) if origin else None,
+        partners=partner_robots(config),
     )
 
 

@@ -107,6 +107,21 @@ robots:
 SITE, START = "site: {origin: [47.4, 8.5, 400.0]}", "start: [5, 0, 0]"
 
 
+PARTNER = """
+edge: {id: yard-1}
+partners: {barn-1: {robots: [own]}}
+robots:
+  - {name: max, twin: 6f0c9a1e-0000-4000-8000-000000000002, adapter: ugv, profile: waveshare-beast,
+     link: "serial:/dev/ttyUSB0?baud=115200", start: [5, 0, 0]}
+"""
+
+
+def test_one_robot_beside_those_of_a_partner_is_warned_of_too(fleet, place):
+    (place / "fleet.yaml").write_text(PARTNER)
+    (warning,) = fleet("check", "--json").json["warnings"]
+    assert "nobody knows where its start is on Earth" in warning["message"]
+
+
 @pytest.mark.parametrize(
     ("site", "start", "told", "hint"),
     [

@@ -48,9 +48,16 @@ def test_a_place_is_not_taken_that_the_other_edge_does_not_keep_free(two):
     assert "gate: nobody keeps a place free on two edges, and beast of barn takes part" in refusal
 
 
-def test_its_story_begins_with_who_is_not_kept_apart(two):
+def test_its_story_begins_with_the_robots_that_are_not_kept_apart(two):
+    two.robots["kestrel"].be(separation="unknown to beast")
     two.start(MISSION)
-    assert first_line(two) == "Nobody keeps kestrel and beast apart: they are robots of different edges"
+    told = first_line(two)
+    assert told == "Not kept apart from each other: kestrel: separation unknown to beast"
+
+
+def test_its_story_says_nothing_of_robots_of_two_edges_that_are_kept_apart(two):
+    two.start(MISSION)
+    assert "apart" not in first_line(two)
 
 
 def test_robots_of_one_edge_are_refused_nothing_and_told_nothing(yard):

@@ -166,7 +166,8 @@ async def falls_silent(site, asks, mission, does):
     await asks.until(lambda: answers)
     assert "it has left the run" in answers[0].reason
     found.take(Abort("anna"))
-    await asks.until(lambda: runs.find(run) is None and not own.state().run)
+    rex = site.yard.process.robots["rex"]
+    await asks.until(lambda: runs.find(run) is None and not own.state().run and not rex.state().run)
     assert "walk" not in site.words()[after:], "a robot that was lost is not commanded again"
 
 
@@ -183,6 +184,21 @@ async def test_an_edge_that_fleet_yaml_does_not_name_gets_no_robot(site, both):
         with pytest.raises(Refused, match="coordinate its robots"):
             await asyncio.to_thread(start, site)
         assert "walk" not in site.words()
+
+
+async def test_robots_of_partner_edges_are_kept_apart(site, both, asks):
+    (rex,) = json.loads(site.place.file.read_text())["robots"]
+    site.place.change(robots=[rex | {"start": [0, 0, 0]}])
+    site.second["partners"][site.place.id]["robots"] = ["rex"]
+    async with both():
+        rex, own = site.yard.process.robots["rex"], site.barn.process.robots["own"]
+        await asks.until(lambda: not rex.state().separation and not own.state().separation)
+        for robot, x, other in ((rex, 5, "own"), (own, -5, "rex")):
+            answers = []
+            goal = {"command": "goto", "source_type": "tele", "position": [x, x, 0]}
+            robot.read("navigate", json.dumps(goal).encode(), way=Transport.BUS)(answers.append)
+            await asks.until(lambda answers=answers: answers)
+            assert f"0.0 m from {other}" in answers[0].reason
 
 
 async def test_places_mean_nothing_to_a_robot_whose_site_has_another_origin(site, both, asks):

@@ -59,7 +59,7 @@ def test_what_one_process_tells_another_knows_in_its_own_frame(clock):
     theirs.world_is(_beside(SITE, 30.0, 40.0))
     mine.see(Pose())
     theirs.see(Pose(Vector3(0.0, 0.0, 7.0)))
-    here.hear(there.sheet())
+    here.hear(there.sheet(), "")
     (other,) = here.others("rex")
     assert (other.name, other.at.x, other.at.y, other.at.z) == (
         "drone",
@@ -78,11 +78,11 @@ def test_a_process_that_falls_silent_leaves_its_robots_where_they_were_and_older
     here, there = RobotPositions(SITE, NAMES, clock), RobotPositions(SITE, NAMES, clock)
     joined(here, clock, "rex", (0.0, 0.0, 0.0)).see(Pose())
     joined(there, clock, "ugv", (3.0, 0.0, 0.0)).see(Pose())
-    here.hear(there.sheet())
+    here.hear(there.sheet(), "")
     clock.advance(60.0)
     (other,) = here.others("rex")
     assert (other.at.x, other.age) == (3.0, 60.0)
-    here.hear(RobotPositions(SITE, NAMES, clock).sheet())  # it was started anew and knows nothing yet
+    here.hear(RobotPositions(SITE, NAMES, clock).sheet(), "")  # it was started anew and knows nothing yet
     assert [robot.name for robot in here.others("rex")] == ["ugv"]
 
 
@@ -120,7 +120,7 @@ def test_a_robot_that_is_alone_on_its_edge_is_unknown_to_nobody(clock):
 def test_what_cannot_be_read_is_told_and_changes_nothing(clock, caplog, payload):
     traffic = RobotPositions(SITE, NAMES, clock)
     joined(traffic, clock, "rex", (0.0, 0.0, 0.0)).see(Pose())
-    traffic.hear(payload)
+    traffic.hear(payload, "")
     assert traffic.others("rex") == []
     assert "cannot be read" in caplog.text
 
@@ -129,8 +129,57 @@ def test_nobody_else_can_tell_where_a_robot_of_this_process_is(clock):
     traffic, liar = RobotPositions(SITE, NAMES, clock), RobotPositions(SITE, NAMES, clock)
     joined(traffic, clock, "rex", (0.0, 0.0, 0.0)).see(Pose())
     joined(liar, clock, "rex", (50.0, 0.0, 0.0)).see(Pose())
-    traffic.hear(liar.sheet())
+    traffic.hear(liar.sheet(), "")
     assert traffic.one("rex").at == Vector3()
+
+
+def two_edges(clock, yard_site, barn_site):
+    """Return the positions that two partner edges know, each with one robot of its own."""
+    yard = RobotPositions(yard_site, ("rex",), clock, edge="yard", partners={"ugv": "barn"})
+    barn = RobotPositions(barn_site, ("ugv",), clock, edge="barn", partners={"rex": "yard"})
+    return yard, barn
+
+
+def test_a_partner_s_robot_is_known_in_the_frame_of_the_own_site(clock):
+    yard, barn = two_edges(clock, SITE, _beside(SITE, 30.0, 40.0))
+    joined(yard, clock, "rex", (0.0, 0.0, 0.0)).see(Pose())
+    joined(barn, clock, "ugv", (1.0, 2.0, 0.0)).see(Pose())
+    assert yard.unknown("rex") == "unknown to ugv"
+    yard.hear(barn.sheet(), "barn")
+    (other,) = yard.others("rex")
+    assert (other.at.x, other.at.y) == (pytest.approx(31.0, abs=0.01), pytest.approx(42.0, abs=0.01))
+    assert not yard.alone
+    assert yard.unknown("rex") == ""
+
+
+def test_a_partner_s_robot_on_earth_is_known_without_any_site(clock):
+    yard, barn = two_edges(clock, None, None)
+    mine, theirs = joined(yard, clock, "rex"), joined(barn, clock, "ugv")
+    mine.world_is(SITE)
+    theirs.world_is(_beside(SITE, 3.0, 4.0))
+    mine.see(Pose())
+    theirs.see(Pose())
+    yard.hear(barn.sheet(), "barn")
+    (other,) = yard.others("rex")
+    assert (other.at.x, other.at.y) == (pytest.approx(3.0, abs=0.01), pytest.approx(4.0, abs=0.01))
+
+
+@pytest.mark.parametrize(("yard_site", "barn_site"), [(SITE, None), (None, None)])
+def test_a_partner_s_robot_that_only_its_edge_can_place_is_unknown(clock, yard_site, barn_site):
+    yard, barn = two_edges(clock, yard_site, barn_site)
+    joined(yard, clock, "rex", (0.0, 0.0, 0.0)).see(Pose())
+    joined(barn, clock, "ugv", (1.0, 2.0, 0.0)).see(Pose())
+    yard.hear(barn.sheet(), "barn")
+    assert yard.others("rex") == []
+    assert yard.unknown("rex") == "unknown to ugv"
+
+
+def test_an_edge_tells_only_where_its_own_robots_are(clock):
+    yard, barn = two_edges(clock, SITE, SITE)
+    joined(yard, clock, "rex", (0.0, 0.0, 0.0)).see(Pose())
+    joined(barn, clock, "ugv", (1.0, 2.0, 0.0)).see(Pose())
+    yard.hear(barn.sheet(), "shed")
+    assert yard.others("rex") == []
 
 
 def goal(x):
