@@ -8,16 +8,20 @@ from __future__ import annotations
 import pathlib
 from collections.abc import Mapping
 
-from fleet.config.difference import FIELDS, SECTIONS
+from fleet.config.difference import FIELDS, LIVE_SECTIONS, SECTIONS
 
 TARGET = pathlib.Path(__file__).parents[1] / "how-to" / "change-a-running-edge.md"
-TABLES = {"Fields of a robot": ("field", FIELDS), "Sections of fleet.yaml": ("section", SECTIONS)}
+TABLES = {
+    "Fields of a robot": ("field | why it needs a restart", FIELDS),
+    "Sections of fleet.yaml": ("section | why it needs a restart", SECTIONS),
+    "Sections that the running edge takes over": ("section | from when it counts", LIVE_SECTIONS),
+}
 
 
 def table(head: str, reasons: Mapping[str, str]) -> str:
-    """Return a table of what needs a restart."""
+    """Return a table of fields or sections."""
     rows = [f"| `{name}` | {why} |" for name, why in reasons.items()]
-    return "\n".join((f"| {head} | why it needs a restart |", "|---|---|", *rows))
+    return "\n".join((f"| {head} |", "|---|---|", *rows))
 
 
 def render() -> str:

@@ -41,15 +41,19 @@ SECTIONS: Mapping[str, str] = {
     "plugins": "adapters are looked for at the start; fleet adapters reload takes a changed file into use",
     "remote_workers": "they are started by hand, with a copy of the file",
     "groups": "workers, missions and stop inputs have them",
-    "missions": "runs and schedules refer to them",
-    "events": "missions wait for them",
-    "schedules": "their next firing is on disk",
     "partners": "the runs of other edges refer to them",
-    "places": "runs hold them",
     "stop_inputs": "their devices are opened at the start, and hold the robots",
     "notify": "its programs and addresses are opened at the start",
 }
 """Why each section is taken over by the next start only. ``defaults`` has no line: robots say it."""
+
+LIVE_SECTIONS: Mapping[str, str] = {
+    "missions": "the next run has them; runs under way keep their copy",
+    "events": "missions may wait for them from then on",
+    "places": "while no run is under way; a goal that was given before stays where it is",
+    "schedules": "a changed schedule counts from then on; firings of one that is gone are skipped",
+}
+"""How each other section is taken over by the running edge."""
 
 LED = frozenset({"fence", "limits"})
 """Of these, what an adapter has too that leads its robot to goals by itself: then it is rebuilt at rest."""
@@ -101,7 +105,7 @@ class Outline(msgspec.Struct, frozen=True):
 def outline_of(loaded: Loaded) -> Outline:
     """Return what is compared of a loaded fleet file."""
     config = loaded.config
-    sections = {name: flat(getattr(config, name)) for name in SECTIONS}
+    sections = {name: flat(getattr(config, name)) for name in (*SECTIONS, *LIVE_SECTIONS)}
     sections["missions"] = {mission.name: _text(mission.data) for mission in loaded.missions}
     robots = {robot.name: _robot(robot, plugin, loaded.given[robot.name]) for robot, plugin in loaded.robots}
     return Outline(config.edge.id, sections, robots)
@@ -172,11 +176,18 @@ def difference(old: Outline, new: Outline, shown: Callable[[str, str], str]) -> 
     robots = [_robot_change(name, old.robots.get(name), new.robots.get(name), shown) for name in names]
     known = dict.fromkeys((*old.sections, *new.sections))
     sections = [
-        Change(name, ChangeKind.RESTART, fields, SECTIONS.get(name, "a newer fleet has it"), section=True)
+        _section_change(name, fields)
         for name in known
         if (fields := _fields(old.sections.get(name, {}), new.sections.get(name, {}), shown))
     ]
     return (*robots, *sections)
+
+
+def _section_change(name: str, fields: tuple[str, ...]) -> Change:
+    """Return what becomes of a section that differs."""
+    if name in LIVE_SECTIONS:
+        return Change(name, ChangeKind.SETTINGS, fields, section=True)
+    return Change(name, ChangeKind.RESTART, fields, SECTIONS.get(name, "a newer fleet has it"), section=True)
 
 
 def _robot_change(

@@ -24,11 +24,15 @@ class RunPlaces:
     def __init__(
         self, places: Mapping[str, Place], run_of: Callable[[str], Run | None], clock: Clock
     ) -> None:
-        self._capacities = {name: place.capacity for name, place in places.items()}
-        self._occupancy = Occupancy(self._capacities)
+        self.configure(places)
         self._run_of = run_of
         self._clock = clock
         self._missions: dict[str, str] = {}
+
+    def configure(self, places: Mapping[str, Place]) -> None:
+        """Have other places, all of them free: while no run is under way."""
+        self._capacities = {name: place.capacity for name, place in places.items()}
+        self._occupancy = Occupancy(self._capacities)
 
     def require(self, program: Program) -> None:
         """Raise Refused for places that no run could ever have."""

@@ -113,6 +113,11 @@ class Runs:
         """Return what a run looks like now."""
         return state_of(run.engine, run.about, self.edge, run.now, self.store.problem)
 
+    def configure(self, site: SiteMap) -> None:
+        """Go by other places; while no run is under way."""
+        self.site = site
+        self._places.configure(site.places)
+
     @property
     def any(self) -> bool:
         """True while a run is under way; from any thread."""

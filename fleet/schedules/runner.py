@@ -103,6 +103,8 @@ class Schedules:
     async def begin(self) -> None:
         """Take up what an earlier process left, before anything else is started."""
         async with self._lock:
+            if self._store.set_aside is not None:
+                self._event("", "what schedules fired before is lost: its file was damaged", Severity.ERROR)
             if not await self._kept(self._read):
                 return
             for firing in await asyncio.to_thread(self._store.open):
@@ -119,13 +121,22 @@ class Schedules:
     def _read(self) -> bool:
         """Read what is known of the schedules; on a thread."""
         now = self._clock.time()
-        if self._store.set_aside is not None:
-            self._event("", "what schedules fired before is lost: its file was damaged", Severity.ERROR)
         for name, config in self._configs.items():
             self._seen[name] = self._store.seen(name, config.digest(), now)
         by_hand = self._store.enabled()
         self._enabled |= {name: on for name, on in by_hand.items() if name in self._configs}
         return True
+
+    async def replace(self, configs: Mapping[str, ScheduleConfig]) -> None:
+        """Have other schedules from now on; what waits of a schedule that is gone is skipped."""
+        async with self._lock:
+            self._configs = dict(configs)
+            self._enabled = {name: one.enabled for name, one in configs.items()}
+            self._seen.clear()
+            self._next.clear()
+            for firing in [each for each in self._waiting.values() if each.schedule not in configs]:
+                await self._skipped(firing, "the schedule is gone")
+            await self._kept(self._read)
 
     async def turn(self) -> None:
         """Record what is due by now, and start it."""
@@ -141,7 +152,7 @@ class Schedules:
         """Take an event of the history; it fires the schedules that wait for it."""
         for name in due_of(self._configs, event.kind, robot):
             async with self._lock:
-                if self._enabled[name]:
+                if self._enabled.get(name):
                     why = f"{robot}: {event.text}"
                     await self._record(name, [Firing(name, event.stamp)], self._clock.time(), why)
             await self.turn()
@@ -169,8 +180,9 @@ class Schedules:
 
     async def states(self) -> list[ScheduleState]:
         """Return all schedules, by name; raises StateError."""
-        last = {name: await asyncio.to_thread(self._store.last, name, RECENT) for name in self._configs}
-        return [self._state(name, tuple(last[name])) for name in sorted(self._configs)]
+        names = sorted(self._configs)
+        last = {name: tuple(await asyncio.to_thread(self._store.last, name, RECENT)) for name in names}
+        return [self._state(name, last[name]) for name in names if name in self._configs]
 
     def _state(self, name: str, last: tuple[Firing, ...]) -> ScheduleState:
         """Return one schedule."""

@@ -44,7 +44,8 @@ WAITS = "what is stricter holds from now on; the rest waits until it rests: {}"
 class Changes:
     """What one edge runs with, and its changes; on the loop.
 
-    ``configured`` hear what the edge runs with after each change.
+    ``configured`` hear what the edge runs with after each change. ``hindrance`` says why a section cannot be
+    taken over now.
     """
 
     def __init__(
@@ -56,10 +57,12 @@ class Changes:
         *,
         folder: Path,
         configured: Iterable[Callable[[Loaded], None]],
+        hindrance: Callable[[str], str],
     ) -> None:
         self._running = loaded
         self._process, self._remote, self._workers = process, remote, workers
         self._folder, self._configured = folder, tuple(configured)
+        self._section_hindrance = hindrance
         self._clock: Clock = process.clock
         self._under_way: asyncio.Task[None] | None = None
 
@@ -130,9 +133,11 @@ class Changes:
         return msgspec.structs.replace(change, why=change.why or self._hindrance(change))
 
     def _hindrance(self, change: Change) -> str:
-        """Return why a robot cannot be changed now; empty when it can."""
-        if change.section or change.kind not in LIVE:
+        """Return why a robot or a section cannot be changed now; empty when it can."""
+        if change.kind not in LIVE:
             return ""
+        if change.section:
+            return self._section_hindrance(change.name)
         here = self._process.robots.get(change.name)
         if here is not None:
             return not_resting(here)
@@ -143,20 +148,37 @@ class Changes:
     async def _apply(self, found: Iterable[Change], new: Loaded, asked: ChangesAsked) -> tuple[Change, ...]:
         """Carry the changes out, one robot or worker after the other."""
         done: list[Change] = []
+        sections: list[Change] = []
         elsewhere: dict[str, list[Change]] = {}
         for change in found:
             await asyncio.sleep(0)  # a thousand robots must not keep a stop waiting
-            if change.section or change.kind not in LIVE:
+            if change.kind not in LIVE:
                 done.append(_left(change))
+            elif change.section:
+                sections.append(change)
             elif change.name in self._process.robots:
                 done.append(await self._here(change, new, asked))
             else:
                 elsewhere.setdefault(self._remote[change.name].worker, []).append(change)
         for worker, changes in elsewhere.items():
             done += await self._elsewhere(worker, changes, new, asked)
+        done += self._take_sections(sections, new)
         for change in done:
             self._record(change, asked)
         return tuple(done)
+
+    def _take_sections(self, changes: list[Change], new: Loaded) -> list[Change]:
+        """Take over sections, all or none: they refer to each other."""
+        why = "; ".join(filter(None, (self._section_hindrance(change.name) for change in changes)))
+        if why:
+            return [_ended(change, Outcome.REFUSED, why) for change in changes]
+        if changes:
+            taken = {change.name: getattr(new.config, change.name) for change in changes}
+            config = self._running.config.model_copy(update=taken)
+            missions = new.missions if "missions" in taken else self._running.missions
+            self._running = msgspec.structs.replace(self._running, config=config, missions=missions)
+            self._tell()
+        return [_ended(change, Outcome.DONE) for change in changes]
 
     async def _here(self, change: Change, new: Loaded, asked: ChangesAsked) -> Change:
         """Change a robot of this process."""

@@ -45,7 +45,7 @@ class CloudWorkflows:
     def __init__(
         self,
         workflows: Mapping[UUID, WorkflowConfig],
-        missions: Mapping[str, Mission],
+        mission: Callable[[str], Mission | None],
         runs: Runs,
         starts: StartRequests,
         *,
@@ -53,7 +53,7 @@ class CloudWorkflows:
         clock: Clock,
     ) -> None:
         self._workflows = {str(uuid): config for uuid, config in workflows.items()}
-        self._missions, self._runs, self._starts = missions, runs, starts
+        self._mission, self._runs, self._starts = mission, runs, starts
         self._record, self._clock = record, clock
         self.publish: Callable[[str, str, bytes], None] = lambda _uuid, _suffix, _payload: None
 
@@ -75,7 +75,7 @@ class CloudWorkflows:
 
         def made() -> tuple[Mission, StartAsk]:
             check_run_id(asked.execution)
-            mission = self._missions.get(config.mission)
+            mission = self._mission(config.mission)
             if mission is None:
                 raise Refused(f"there is no mission {config.mission!r}")
             ask = StartAsk(

@@ -161,7 +161,8 @@ class Edge:
             self.remote,
             workers,
             folder=folder,
-            configured=self.missions.configured,
+            configured=(*self.missions.configured, self.schedules.configure, self._configure),
+            hindrance=self.missions.hindrance,
         )
         self.beside: Callable[[], str] = str  # what is wrong with programs beside it, as the console
 
@@ -282,6 +283,10 @@ class Edge:
         return self.process.outbox.dropped + (
             bridge.uplink.dropped.total + bridge.client.stats.dropped if bridge else 0
         )
+
+    def _configure(self, loaded: Loaded) -> None:
+        """Tell what another configuration says from now on."""
+        self._config = loaded.config
 
     def _soon(self, call: Callable[[], None]) -> None:
         """Run a call on the event loop; from any thread."""

@@ -29,12 +29,12 @@ class MissionStarter:
 
     def __init__(
         self,
-        missions: Mapping[str, Mission],
+        mission: Callable[[str], Mission | None],
         runs: Runs,
         described: Callable[[Callable[[], None]], None],
         clock: Clock,
     ) -> None:
-        self._missions, self._runs, self._described, self._clock = missions, runs, described, clock
+        self._mission, self._runs, self._described, self._clock = mission, runs, described, clock
         self._back_until = clock.monotonic() + BACK_WITHIN
 
     async def known(self, key: str) -> str:
@@ -47,7 +47,7 @@ class MissionStarter:
         run = await self.known(wanted.key)
         if run:
             return Begun(run)
-        mission = self._missions.get(wanted.mission)
+        mission = self._mission(wanted.mission)
         if mission is None:
             return Begun(refusal=f"there is no mission {wanted.mission!r}")
         by = f"schedule {wanted.schedule}"

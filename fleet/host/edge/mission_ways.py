@@ -85,16 +85,16 @@ class MissionWays:
     """The ways of an edge's robots; those of other edges are checked there. ``state_of``: a robot now."""
 
     def __init__(self, loaded: Loaded, state_of: Callable[[str], RobotState]) -> None:
-        origin = loaded.config.site.origin
-        self.site = SiteMap(
-            places_of(loaded.config.places), GeoOrigin(*origin) if origin is not None else None
-        )
         self.state_of = state_of
         self._checks: dict[str, WayCheck] = {}
         self.configure(loaded)
 
     def configure(self, loaded: Loaded) -> None:
-        """Check by another configuration of the robots."""
+        """Check by another configuration of the robots and places."""
+        origin = loaded.config.site.origin
+        self.site = SiteMap(
+            places_of(loaded.config.places), GeoOrigin(*origin) if origin is not None else None
+        )
         self._checks.update({robot.name: WayCheck(robot, self.site) for robot, _ in loaded.robots})
 
     def hindrance(self, robot: str, act: Act) -> str:

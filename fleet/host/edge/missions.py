@@ -13,11 +13,12 @@ import msgspec
 from fleet.bus import keys
 from fleet.bus.zenoh_session import Query
 from fleet.config.load import Loaded
-from fleet.config.missions import Mission, events_of, mission_of
+from fleet.config.missions import Mission
 from fleet.errors import Refused, WireError
 from fleet.host.edge.cloud_workflows import CloudWorkflows
 from fleet.host.edge.common_start import CommonStart
 from fleet.host.edge.coordinators import Coordinators
+from fleet.host.edge.known_missions import KnownMissions
 from fleet.host.edge.mission_robots import Descriptions, RobotElsewhere, RobotHere, RobotRules, can, trouble
 from fleet.host.edge.mission_starter import MissionStarter
 from fleet.host.edge.mission_ways import MissionWays
@@ -76,9 +77,8 @@ class Missions:
     ) -> None:
         config = loaded.config
         self._edge = config.edge.id
-        self._missions = {mission.name: mission for mission in loaded.missions}
+        self._missions = missions = KnownMissions(loaded)
         self._groups = config.members
-        self._events = events_of(config.events)
         self._bus_session = process.bus.control
         self._process = process
         self._here = {name: RobotHere(robot) for name, robot in process.robots.items()}
@@ -135,7 +135,7 @@ class Missions:
             folder=folder,
             clock=process.clock,
         )
-        self.starter = MissionStarter(self._missions, self.runs, self._descriptions.ask, process.clock)
+        self.starter = MissionStarter(missions.get, self.runs, self._descriptions.ask, process.clock)
         self.starts = StartRequests(self.runs, self._descriptions.ask, self._soon)
         self.plans = TwinPlans(
             self.runs,
@@ -150,7 +150,7 @@ class Missions:
         process.outbox.navigates = self.plans.navigates
         self.workflows = CloudWorkflows(
             config.cloud.workflows if config.cloud else {},
-            self._missions,
+            missions.get,
             self.runs,
             self.starts,
             record=process.history.add,
@@ -160,7 +160,20 @@ class Missions:
         self.results = RunResults(folder, self.runs, self.runs.robots, twins, process.clock)
         process.outbox.pictured = self.results.pictured
         process.on_stop = self.stopped
-        self.configured = (rules.configure, ways.configure, self.rehearsals.configure)
+        self._ways = ways
+        self.configured = (rules.configure, self._configure, self.rehearsals.configure)
+
+    def _configure(self, loaded: Loaded) -> None:
+        """Begin runs by another configuration; those under way keep their copies."""
+        self._missions.configure(loaded)
+        self._ways.configure(loaded)
+        if self._ways.site != self.runs.site:
+            self.runs.configure(self._ways.site)
+
+    def hindrance(self, section: str) -> str:
+        """Return why a section of fleet.yaml cannot be taken over now; empty when it can."""
+        runs = ", ".join(run.id for run in self.runs.all()) if section == "places" else ""
+        return f"run {runs} goes by the places: wait for its end" if runs else ""
 
     def _soon(self, call: Callable[[], None]) -> None:
         """Run a call on the event loop; from any thread."""
@@ -298,7 +311,7 @@ class Missions:
             self._soon(partial(self.rehearsals.look, question))
             return
         if do not in {"start", "rehearse"}:
-            for each in self._missions.values():
+            for each in self._missions.by_name.values():
                 if "*" in name or each.name == name:
                     question.reply(
                         _encode(mission_state(each, self._edge)), keys.mission(self._edge, each.name)
@@ -308,7 +321,7 @@ class Missions:
 
         def made() -> tuple[Mission, StartAsk]:
             ask = self._asked(question)
-            return self._mission(name, ask), ask
+            return self._missions.asked(name, ask), ask
 
         began = partial(self._tell_started, name, question)
         if do == "rehearse":
@@ -337,16 +350,6 @@ class Missions:
         started = Started(run, {role: list(robots) for role, robots in roles.items()}, refusal)
         question.reply(_encode(started), keys.mission(self._edge, name))
         question.close()
-
-    def _mission(self, name: str, ask: StartAsk) -> Mission:
-        """Return the mission that is meant; raises Refused, InvalidConfig."""
-        if ask.mission is not None:
-            return mission_of(name, ask.mission, self._missions, self._events)
-        mission = self._missions.get(name)
-        if mission is None:
-            known = ", ".join(self._missions) or "none"
-            raise Refused(f"there is no mission {name!r}", hint=f"fleet.yaml has {known}")
-        return mission
 
     def _asked_run(self, question: Query) -> None:
         """Take a question for a run; on the bus's thread."""

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import asyncio
 import logging
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 
 import msgspec
 
 from fleet.bus.zenoh_session import Query
 from fleet.clock import Clock
+from fleet.config.load import Loaded
 from fleet.config.schema import Sections
 from fleet.errors import StateError
 from fleet.host.requests.console_asker import console_refusal
@@ -20,6 +21,7 @@ from fleet.model.permission import Permission
 from fleet.model.schedule import ScheduleAnswer, ScheduleAsked
 from fleet.model.state import RobotState
 from fleet.runtime.decoding import decode_json
+from fleet.schedules.model import ScheduleConfig
 from fleet.schedules.runner import Schedules, Starter
 from fleet.schedules.store import Store
 
@@ -33,7 +35,7 @@ Told = Callable[[str, EventReport], None]
 class EdgeSchedules:
     """What fires by itself on one edge. ``states`` are those of its robots, ``record`` writes its history.
 
-    ``starter`` starts missions. Without schedules it does nothing.
+    ``starter`` starts missions. Until there is a schedule it does nothing.
     """
 
     def __init__(
@@ -54,7 +56,20 @@ class EdgeSchedules:
         self._problem = ""
         self._served = asyncio.Event()  # or known to be a problem
         self._events: asyncio.Queue[tuple[str, EventReport]] = asyncio.Queue(WAITING)
-        self._listens = {one.on_event.kind for one in self._config.values() if one.on_event is not None}
+        self._listens = events_of(self._config)
+        self._changed = asyncio.Event()
+        self._needed = asyncio.Event()
+        if self._config:
+            self._needed.set()
+
+    def configure(self, loaded: Loaded) -> None:
+        """Have the schedules of another configuration; on the loop."""
+        if loaded.config.schedules == self._config:
+            return
+        self._config = loaded.config.schedules
+        self._listens = events_of(self._config)
+        self._changed.set()
+        self._needed.set()
 
     @property
     def problem(self) -> str:
@@ -63,8 +78,7 @@ class EdgeSchedules:
 
     async def run(self) -> None:
         """Fire what is due until cancelled."""
-        if not self._config:
-            return
+        await self._needed.wait()
         try:
             store = await asyncio.to_thread(Store, self._folder)
         except StateError as error:
@@ -86,6 +100,7 @@ class EdgeSchedules:
             async with asyncio.TaskGroup() as group:
                 group.create_task(self._schedules.run())
                 group.create_task(self._hear(self._schedules))
+                group.create_task(self._replace(self._schedules))
         except Exception as error:  # a bug in it must not be silent: nobody waits for this task
             cause = error.exceptions[0] if isinstance(error, ExceptionGroup) else error
             self._problem = f"no schedule fires any more: {type(cause).__name__}: {cause}"
@@ -125,6 +140,13 @@ class EdgeSchedules:
         while True:
             await schedules.heard(*await self._events.get())
 
+    async def _replace(self, schedules: Schedules) -> None:
+        """Replace the schedules whenever fleet.yaml has changed."""
+        while True:
+            await self._changed.wait()
+            self._changed.clear()
+            await schedules.replace(self._config)
+
     def _stopped(self) -> dict[str, str]:
         """Return whose emergency stop is set, and why."""
         return {
@@ -150,7 +172,7 @@ class EdgeSchedules:
 
     async def _answered(self, asked: ScheduleAsked) -> ScheduleAnswer:
         """Do what is asked; raises StateError."""
-        if not self._config and asked.do == "list":
+        if not self._needed.is_set() and asked.do == "list":
             return ScheduleAnswer()
         if asked.do != "list" and asked.name not in self._config:
             known = ", ".join(sorted(self._config)) or "none"
@@ -167,3 +189,8 @@ class EdgeSchedules:
         elif asked.do != "list":
             await schedules.enable(asked.name, enabled=asked.do == "enable", by=asked.by)
         return ScheduleAnswer(tuple(await schedules.states()))
+
+
+def events_of(configs: Mapping[str, ScheduleConfig]) -> frozenset[EventKind]:
+    """Return the kinds of events that schedules wait for."""
+    return frozenset(one.on_event.kind for one in configs.values() if one.on_event is not None)

@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 
 from fleet.config.difference import (
     FIELDS,
+    LIVE_SECTIONS,
     SECTIONS,
     SETTINGS,
     Outline,
@@ -88,7 +89,8 @@ def test_digests_differ_where_the_values_do_and_show_none(old, new):
 
 
 def test_every_section_of_fleet_yaml_has_its_line_in_the_table():
-    assert SECTIONS.keys() == Sections.model_fields.keys() - {"defaults"}
+    assert SECTIONS.keys() | LIVE_SECTIONS.keys() == Sections.model_fields.keys() - {"defaults"}
+    assert not SECTIONS.keys() & LIVE_SECTIONS.keys()
 
 
 def test_every_field_in_the_tables_is_one_of_a_robot():

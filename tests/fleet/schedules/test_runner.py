@@ -265,6 +265,30 @@ async def test_a_schedule_that_is_changed_makes_up_for_nothing(yard):
     assert len(yard.runs.wanted) == 1
 
 
+async def test_schedules_that_are_replaced_go_on_as_if_they_had_always_been_there(yard):
+    schedules = await yard.serve(kept={"every": 3600.0}, changed={"every": 60.0}, gone={"every": 3600.0})
+    yard.runs.answer = Begun(busy="run x")
+    await yard.after(30.0)
+    new = {"kept": {"every": 3600.0}, "changed": {"every": 20.0}, "new": {"every": 3600.0}}
+    await schedules.replace({name: ScheduleConfig(mission="patrol", **each) for name, each in new.items()})
+    assert [state.name for state in await schedules.states()] == ["changed", "kept", "new"]
+    yard.runs.answer = None
+    await yard.after(20.0)
+    assert [wanted.schedule for wanted in yard.runs.wanted] == ["changed"]
+    await yard.after(3550.0)
+    assert sorted(wanted.schedule for wanted in yard.runs.wanted) == ["changed", "changed", "kept", "new"]
+
+
+async def test_what_waits_of_a_schedule_that_is_gone_is_skipped_and_told(yard):
+    schedules = await yard.serve(low={"every": 60.0, "busy": "queue"})
+    yard.runs.answer = Begun(busy="run x")
+    await yard.after(60.0)
+    await schedules.replace({})
+    assert "schedule low: skipped: the schedule is gone" in yard.told()
+    await yard.after(60.0)
+    assert len(yard.runs.wanted) == 1
+
+
 async def test_an_event_fires_what_waits_for_it_once(yard):
     waits = {"on_event": {"kind": "battery", "robots": ["rex"]}}
     schedules = await yard.serve(low=waits)

@@ -113,7 +113,7 @@ async def main(folder, began, trigger, kill):
         runs.take_up()
         KilledIn.when = kill
         starter = KilledIn if kill else MissionStarter
-        begins = starter({"patrol": mission_of("patrol", PATROL)}, runs, lambda then: then(), clock)
+        begins = starter({"patrol": mission_of("patrol", PATROL)}.get, runs, lambda then: then(), clock)
         fires = json.loads(trigger)
         configs = {"round": ScheduleConfig(mission="patrol", late="10 h", busy="queue", **fires)}
         kept = Store(folder)

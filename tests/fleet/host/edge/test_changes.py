@@ -13,6 +13,7 @@ import pytest
 from fleet.bus import keys
 from fleet.bus.bus import open_edge
 from fleet.bus.settings import BusSettings
+from fleet.client import Fleet
 from fleet.host.edge import changes
 from fleet.host.process import rebuild
 from fleet.host.requests.stop_cause import local_cause
@@ -101,6 +102,71 @@ async def test_a_file_that_says_the_same_changes_nothing(field):
         ("rex", "max"), ChangeKind.UNTOUCHED
     )
     assert field.place.words() == ["run", "run"]
+
+
+MISSION = {
+    "version": 1,
+    "roles": {"eye": {"from": "rex"}},
+    "steps": [{"id": "go", "do": {"eye": {"goto": "gate"}}}, {"id": "rest", "wait": "10 min"}],
+}
+SECTIONS = {
+    "missions": {"go": MISSION},
+    "places": {"gate": {"at": [1.0, 2.0]}},
+    "schedules": {"dawn": {"mission": "go", "every": 3600.0}},
+    "events": ["person_seen"],
+}
+
+
+def schedules_of(place):
+    """Return the names of the schedules that an edge tells."""
+    session = place.bus_session()
+    try:
+        ((_, answer),) = session.ask(keys.schedules(place.id), b'{"do": "list"}', timeout=20)
+    finally:
+        session.close()
+    return [each["name"] for each in json.loads(answer).get("schedules", [])]
+
+
+async def test_missions_places_schedules_and_events_are_taken_over_without_a_restart(field):
+    field.place.change(**SECTIONS)
+    planned = {change.name: change for change in (await field.ask()).changes if change.section}
+    assert {name: change.kind for name, change in planned.items()} == dict.fromkeys(
+        SECTIONS, ChangeKind.SETTINGS
+    )
+    done = await field.apply()
+    assert {done[name].outcome for name in SECTIONS} == {Outcome.DONE}
+    assert (await field.ask()).same
+    assert await asyncio.to_thread(schedules_of, field.place) == ["dawn"]
+    assert field.edge.state().places.keys() == {"gate"}
+    field.place.change(schedules={})
+    assert (await field.apply())["schedules"].outcome is Outcome.DONE
+    await field.until(lambda: field.edge.schedules._schedules._configs == {})
+    assert await asyncio.to_thread(schedules_of, field.place) == []
+
+
+async def test_places_are_kept_while_a_run_goes_by_them_and_with_them_what_names_them(field):
+    """Half of it would leave missions that name places which there are not."""
+    rest = MISSION | {"steps": MISSION["steps"][1:]}
+    field.place.change(missions={"go": rest})
+    await field.apply()
+    run = await asyncio.to_thread(_start, field.place)
+    field.place.change(**SECTIONS)
+    done = await field.apply()
+    assert {done[name].outcome for name in SECTIONS} == {Outcome.REFUSED}
+    assert f"run {run} goes by the places" in done["missions"].why
+    await asyncio.to_thread(_abort, field.place, run)
+    await field.until(lambda: not field.edge.missions.runs.all())
+    assert {change.outcome for change in (await field.apply()).values() if change.section} == {Outcome.DONE}
+
+
+def _start(place):
+    with Fleet(place.file) as fleet:
+        return fleet.start("go").id
+
+
+def _abort(place, run):
+    with Fleet(place.file) as fleet:
+        fleet.run(run).abort()
 
 
 async def test_a_plan_tells_what_would_be_done_and_does_nothing(field):
