@@ -85,7 +85,7 @@ class Runs:
     ) -> None:
         self.edge = edge
         self.robots = robots
-        self.site = site
+        self.site = site  # replaced, with its places, while no run is under way
         self.store = store
         self.clock = clock
         self.soon = soon
@@ -95,10 +95,10 @@ class Runs:
         self._hindrance, self._elsewhere = hindrance, elsewhere
         self._told = told
         self._runs: dict[str, Run] = {}
-        self._places = RunPlaces(site.places, self._runs.get, clock)
-        self.occupy = self._places.occupy
-        self.give_back = self._places.give_back
-        self.filling = Filling(candidates, self.all, self._places.is_full)
+        self.places = RunPlaces(site.places, self._runs.get, clock)
+        self.occupy = self.places.occupy
+        self.give_back = self.places.give_back
+        self.filling = Filling(candidates, self.all, self.places.is_full)
         self._pending: dict[str, _Pending] = {}
 
     # -- what the runs themselves ask ------------------------------------------------------------------
@@ -112,11 +112,6 @@ class Runs:
     def state(self, run: Run) -> RunState:
         """Return what a run looks like now."""
         return state_of(run.engine, run.about, self.edge, run.now, self.store.problem)
-
-    def configure(self, site: SiteMap) -> None:
-        """Go by other places; while no run is under way."""
-        self.site = site
-        self._places.configure(site.places)
 
     @property
     def any(self) -> bool:
@@ -162,7 +157,7 @@ class Runs:
             began("", {}, self.store.problem or full)
             return
         try:
-            self._places.require(program)
+            self.places.require(program)
             roles = self.filling.fill(mission, program, ask)
             if not admitted:
                 self._require_authority(program, roles, Origin(way, ask.source_type, ask.session_id))
@@ -264,7 +259,7 @@ class Runs:
         """Look at all runs; again and again, on the loop."""
         for run in list(self._pending):
             self._look_at(run)
-        self._places.turn()
+        self.places.turn()
         for each in list(self._runs.values()):
             try:
                 each.turn()
@@ -314,7 +309,7 @@ class Runs:
     def take_up(self) -> None:
         """Take up the runs that an earlier process did not see to their end; their robots may be away yet."""
         found = self.store.unfinished()
-        self._places.take_up(found)
+        self.places.take_up(found)
         for kept in found:
             self._take_up(kept, self.clock.monotonic() + BACK_WITHIN)
 

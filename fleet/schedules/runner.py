@@ -276,19 +276,17 @@ class Schedules:
     async def _started(self, firing: Firing, run: str, why: str) -> None:
         """Note that a firing was started."""
         self._waiting.pop(firing.schedule, None)
-        await self._end(msgspec.structs.replace(firing, state=STARTED, run=run))
+        started = msgspec.structs.replace(firing, state=STARTED, run=run)
+        await self._kept(partial(self._store.end, started))  # if that fails, it is asked for by its key
         self._event(firing.schedule, f"started as {run}" + f"; {why}" * bool(why), run=run, due=firing.due)
 
     async def _skipped(self, firing: Firing, why: str) -> None:
         """Note that a firing is not started."""
         if self._waiting.get(firing.schedule) == firing:
             del self._waiting[firing.schedule]
-        await self._end(msgspec.structs.replace(firing, state=SKIPPED, reason=why))
+        skipped = msgspec.structs.replace(firing, state=SKIPPED, reason=why)
+        await self._kept(partial(self._store.end, skipped))
         self._tell_skipped(firing, why)
-
-    async def _end(self, firing: Firing) -> None:
-        """Write what became of a firing; where that fails it is asked for by its key after a restart."""
-        await self._kept(partial(self._store.end, firing))
 
     async def _kept(self, work: Callable[[], T]) -> T | None:
         """Do something with the disk, on a thread; None where it fails, which is the ``problem``."""

@@ -32,14 +32,7 @@ from fleet.host.requests.console_asker import console_refusal
 from fleet.host.requests.stop_cause import StopCause
 from fleet.host.workers.remote_robot import RemoteRobot
 from fleet.missions.filling import mission_state
-from fleet.missions.report import (
-    ControlAsk,
-    Controlled,
-    RunState,
-    StartAsk,
-    Started,
-    ended_state,
-)
+from fleet.missions.report import ControlAsk, Controlled, RunState, StartAsk, Started, ended_state
 from fleet.missions.results import EVERY as TRACK_EVERY
 from fleet.missions.roles import Candidate
 from fleet.missions.run import Robot
@@ -168,7 +161,8 @@ class Missions:
         self._missions.configure(loaded)
         self._ways.configure(loaded)
         if self._ways.site != self.runs.site:
-            self.runs.configure(self._ways.site)
+            self.runs.site = self._ways.site
+            self.runs.places.configure(self._ways.site.places)
 
     def hindrance(self, section: str) -> str:
         """Return why a section of fleet.yaml cannot be taken over now; empty when it can."""
