@@ -51,9 +51,11 @@ class Field:
         self.code = self.supervisor.run()
 
     def end(self):
+        self.supervisor._ending = True  # as after a signal: an edge that served its robots is not restarted
         self.child.close()
         self.thread.join(60)
         self.ending.close()
+        assert not self.thread.is_alive()
 
 
 @pytest.fixture
