@@ -27,6 +27,7 @@ from fleet_ugv.sim.port import SimPort
 from fleet_ugv.sim.server import Bases
 from fleet_ugv.sim.spec import SimSpec
 
+HERE = Path(__file__).parent
 REAL_TIME = (
     *("test_console.py", "test_dog.py", "test_joints.py", "test_sdk.py"),
     *("test_ugv.py", "test_wheels.py"),
@@ -38,7 +39,7 @@ REAL_TIME = (
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Mark the real-time tests, of which one runs at a time."""
     for item in items:
-        if item.path.name in REAL_TIME:
+        if item.path.parent == HERE and item.path.name in REAL_TIME:
             item.add_marker(pytest.mark.real_time)
 
 
