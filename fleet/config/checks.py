@@ -17,14 +17,13 @@ from fleet.config.endpoints import (
     shared_folder_danger,
     socket_too_long,
 )
+from fleet.config.identity import Identity
 from fleet.config.problems import Mark
 from fleet.config.schema import BusConfig, Sections
 from fleet.config.text import nearest
 from fleet.config.yaml import Document
 from fleet.robot_config import MAIN, AdapterConfig
 
-Identity = tuple[object, str]
-"""A kind of robot, and the very machine."""
 _WAY = "way to the robot"
 _APART = {
     "name": "give each robot a name of its own",
@@ -46,17 +45,6 @@ def check_robots(listed: object, identities: Mapping[int, Identity], document: D
                 before = document.marks["robots", other]
                 message = f"robots[{other}] ({before.file}:{before.line}) has the same {what}"
                 document.report(_place(index, key, document), message, _APART[what])
-
-
-def identity_of(config: AdapterConfig) -> Identity | None:
-    """Return what machine a config stands for, as far as it tells.
-
-    A config may define ``identity() -> str | None``: equal for two configs of one class that reach the
-    very same machine (the same link and system id, say), None when that cannot happen.
-    """
-    identity = getattr(config, "identity", None)
-    value = identity() if callable(identity) else None
-    return None if value is None else (type(config), value)
 
 
 def _unique(robot: object, identity: Identity | None) -> Iterator[tuple[str, object, str]]:

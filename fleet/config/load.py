@@ -29,7 +29,6 @@ from fleet.config.checks import (
     check_stop_inputs,
     check_workers,
     check_workflows,
-    identity_of,
     warn_of_batteries,
     warn_of_drop_ins,
     warn_of_places,
@@ -38,6 +37,7 @@ from fleet.config.drop_in import DropInConfig, asked
 from fleet.config.environment import cloud_from_environment
 from fleet.config.explain import validated, validated_with
 from fleet.config.groups import check_groups, contradiction, said_by_groups
+from fleet.config.identity import identity_of
 from fleet.config.known import known_of
 from fleet.config.mission_ways import check_ways
 from fleet.config.missions import Mission, check_missions

@@ -17,8 +17,8 @@ from typing import BinaryIO
 import msgspec
 from pydantic.errors import PydanticInvalidForJsonSchema
 
-from fleet.config.checks import identity_of
 from fleet.config.explain import validated_with
+from fleet.config.identity import identity_of
 from fleet.config.problems import Mark
 from fleet.config.yaml import Document
 from fleet.host.robot.adapter_factory import AdapterClass, capabilities
