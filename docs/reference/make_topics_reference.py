@@ -13,7 +13,6 @@ from collections.abc import Iterable, Iterator
 from fleet.bridge.event_limits import A_MINUTE, LOOP, OTHERWISE
 from fleet.bus import keys
 from fleet.model.event import EventKind
-from fleet.wire.commands import VERBS
 from fleet.wire.navigation import CONTROLS, MOST_LOOPS, MOST_WAYPOINTS, TASKS, WORLD_FRAMES
 from fleet.wire.parts import TELEMETRY
 from fleet.wire.rulebook import PROFILES, Change
@@ -21,6 +20,7 @@ from fleet.wire.rules import CHANNEL_SUFFIXES, INWARD, KIB, MIB, RULES, Recipien
 from fleet.wire.stops import STOP_WORDS
 from fleet.wire.topic_rules import topic_name
 from fleet.wire.topics import NAMESPACES
+from fleet.wire.verbs import VERBS
 
 TARGET = pathlib.Path(__file__).with_name("topics.md")
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from types import MappingProxyType
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any
 
 import msgspec
 
@@ -32,6 +32,7 @@ from fleet.wire.spelling import refuse_misspelt, refuse_unknown
 from fleet.wire.stops import EMERGENCY, STOP_WORDS, is_reply, releases, stop_word
 from fleet.wire.strict import LARGEST_INTEGER, child, number, optional_number, parse_object
 from fleet.wire.velocity import read_velocity_contract
+from fleet.wire.verbs import VERBS, Axis
 from fleet.wire.video import VIDEO_TYPES
 
 VELOCITY_FIELDS = ("linear_x", "linear_y", "linear_z", "angular_z")
@@ -43,9 +44,6 @@ _AXES = frozenset("xyz")
 _BODIES = frozenset({"data", "velocity_command"})
 
 
-Axis = Literal["x", "y", "z", "yaw"]
-
-
 class MotionDefaults(msgspec.Struct, frozen=True):
     """Default magnitudes for a verb without one: m/s, and rad/s for ``yaw_rate``."""
 
@@ -54,28 +52,6 @@ class MotionDefaults(msgspec.Struct, frozen=True):
     vertical: float
     yaw_rate: float
 
-
-class Verb(msgspec.Struct, frozen=True):
-    """Axis and sign of a motion verb; ``default`` is the field of ``MotionDefaults`` it falls back to."""
-
-    axis: Axis
-    sign: int
-    own_field: str
-    default: str
-
-
-VERBS: Mapping[str, Verb] = MappingProxyType(
-    {
-        "move_forward": Verb("x", 1, "linear_x", "forward"),
-        "move_backward": Verb("x", -1, "linear_x", "forward"),
-        "strafe_left": Verb("y", 1, "linear_y", "lateral"),
-        "strafe_right": Verb("y", -1, "linear_y", "lateral"),
-        "ascend": Verb("z", 1, "linear_z", "vertical"),
-        "descend": Verb("z", -1, "linear_z", "vertical"),
-        "turn_left": Verb("yaw", 1, "angular_z", "yaw_rate"),
-        "turn_right": Verb("yaw", -1, "angular_z", "yaw_rate"),
-    }
-)
 
 SETTINGS: Mapping[str, str] = MappingProxyType(
     {"set_linear_velocity": "linear", "set_angular_velocity": "angular"}

@@ -17,7 +17,7 @@ from fleet.model.command import Command
 from fleet.model.geometry import Velocity
 from fleet.model.navigation import AnyTask, FlyMission, FollowRobot
 from fleet.robot_config import AdapterConfig, Limits, Separation
-from fleet.wire.commands import VERBS
+from fleet.wire.verbs import VERBS
 
 AdapterClass = type[Adapter[Any]] | type[FrameAdapter[Any]]
 _NOTHING = 0.01  # m/s: less of a velocity is noise of who computed it

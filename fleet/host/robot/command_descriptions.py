@@ -19,8 +19,8 @@ from fleet.model.description import (
     RobotDescription,
 )
 from fleet.robot_config import Limits
-from fleet.wire.commands import VERBS
 from fleet.wire.stops import STOP_WORDS
+from fleet.wire.verbs import VERBS
 
 Refusal = Callable[[str, CommandSpec | None], str]
 """Why a command would be refused now; None for the spec of one that the host answers itself."""

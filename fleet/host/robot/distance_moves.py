@@ -9,8 +9,9 @@ from fleet.host.robot.adapter_factory import Capabilities
 from fleet.model.command import Command
 from fleet.model.geometry import Vector3
 from fleet.model.navigation import Constraints, Navigate, RelativeMove
-from fleet.wire.commands import VERBS, Defaults, Verb
+from fleet.wire.commands import Defaults
 from fleet.wire.envelope import BadCommand
+from fleet.wire.verbs import VERBS, Verb
 
 SHORTEST = 2 * TIGHTEST  # m; less is within what counts as arrived
 LONGEST = 30.0  # s that such a way may take

@@ -7,7 +7,7 @@ only until the first of its keys is due, so no key outlives its lease because an
 from __future__ import annotations
 
 from fleet.model.geometry import Vector3, Velocity
-from fleet.wire.commands import VERBS
+from fleet.wire.verbs import VERBS
 
 RELEASED = 0.15  # s before the end of its lease at which a key counts as up: the others go on without a halt
 

@@ -6,7 +6,7 @@ import pytest
 
 from fleet import FlyMission, GeoPoint, Goal, GoTo, PlanItem, Unsupported, Vector3, Velocity
 from fleet.errors import CommandError
-from fleet.wire.commands import VERBS as HOSTS_VERBS
+from fleet.wire.verbs import VERBS as HOSTS_VERBS
 from fleet_mavlink.adapter import MavlinkAdapter
 from fleet_mavlink.constants import ARDUPILOT, PX4
 from fleet_mavlink.messages import Heartbeat

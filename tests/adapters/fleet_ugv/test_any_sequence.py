@@ -19,8 +19,8 @@ from fleet.host.robot.controller import RobotController
 from fleet.link.memory import MemoryRobot
 from fleet.model.command import Setpoint, Transport
 from fleet.testing.robot import RecordingRobot, serve
-from fleet.wire.commands import VERBS
 from fleet.wire.stops import STOP_WORDS
+from fleet.wire.verbs import VERBS
 from fleet_ugv import UgvAdapter
 from fleet_ugv.model import Wheels
 from fleet_ugv.sim.spec import SimSpec, board_of

@@ -15,8 +15,9 @@ from fleet.host.runtime.tick_scheduler import TickScheduler
 from fleet.model.command import Transport
 from fleet.robot_config import Accepts
 from fleet.testing.clock import LoopClock
-from fleet.wire.commands import SETTINGS, VERBS
+from fleet.wire.commands import SETTINGS
 from fleet.wire.stops import STOP_WORDS
+from fleet.wire.verbs import VERBS
 from fleet_mavlink.adapter import MavlinkAdapter
 from fleet_quadruped.adapter import QuadrupedAdapter
 from fleet_ugv.adapter import UgvAdapter

@@ -8,8 +8,9 @@ from hypothesis import strategies as st
 from fleet.errors import WireError
 from fleet.model.command import Command, Origin, Setpoint, Transport
 from fleet.model.geometry import Vector3, Velocity
-from fleet.wire.commands import VERBS, MotionDefaults, decode_command, decode_motion
+from fleet.wire.commands import MotionDefaults, decode_command, decode_motion
 from fleet.wire.envelope import BadCommand
+from fleet.wire.verbs import VERBS
 
 DEFAULTS = MotionDefaults(forward=0.5, lateral=0.4, vertical=0.3, yaw_rate=0.8)
 

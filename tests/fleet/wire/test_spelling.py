@@ -7,11 +7,12 @@ import pytest
 
 from fleet.errors import WireError
 from fleet.model.command import Transport
-from fleet.wire.commands import VERBS, MotionDefaults, decode_command, decode_motion
+from fleet.wire.commands import MotionDefaults, decode_command, decode_motion
 from fleet.wire.joints import decode_joints
 from fleet.wire.missions import decode_mission
 from fleet.wire.navigation import decode_navigate
 from fleet.wire.spelling import MOST_FOREIGN, refuse_misspelt, refuse_unknown
+from fleet.wire.verbs import VERBS
 
 DEFAULTS = MotionDefaults(0.5, 0.5, 0.5, 0.5)
 ENVELOPE = {"command", "source_type", "timestamp", "session_id", "action_id", "id", "frame", "frame_id"}

@@ -13,7 +13,7 @@ from fleet.host.robot.command_descriptions import description, words
 from fleet.host.safety.fence import Fence
 from fleet.model.description import RobotDescription
 from fleet.robot_config import AdapterConfig, Limits
-from fleet.wire.commands import VERBS
+from fleet.wire.verbs import VERBS
 
 
 class Kite(Adapter[AdapterConfig]):

@@ -3,7 +3,7 @@ from hypothesis import strategies as st
 
 from fleet.host.safety.held_keys import HeldKeys
 from fleet.model.geometry import Vector3, Velocity
-from fleet.wire.commands import VERBS
+from fleet.wire.verbs import VERBS
 
 FORWARD, BACK = Velocity(Vector3(0.5)), Velocity(Vector3(-0.3))
 LEFT, RIGHT = Velocity(yaw_rate=0.8), Velocity(yaw_rate=-0.8)
