@@ -229,7 +229,7 @@ SORTS = {
 RADII = {Walker: 0.4, Flyer: 1.5}
 
 
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("seed", [0, 1, 2, 11])  # in 11 one accelerates while it turns
 def test_whatever_is_asked_of_many_no_two_come_nearer_than_their_radii(seed):
     chance = random.Random(seed)
     driven = {}
