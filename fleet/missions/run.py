@@ -14,6 +14,7 @@ from typing import Any, Protocol
 from fleet.clock import Clock
 from fleet.errors import Refused
 from fleet.missions.engine import Engine
+from fleet.missions.holding import Holding
 from fleet.missions.messages import message_of, payload_of
 from fleet.missions.observed import Membership, facts_of, outcome_of
 from fleet.missions.points import SiteMap
@@ -33,6 +34,7 @@ from fleet.missions.state import (
     Note,
     Occupy,
     Outcome,
+    Pause,
     Prepare,
     Prepared,
     Replied,
@@ -117,6 +119,7 @@ class Run:
         self._head = b""
         self._sent: set[str] = set()
         self._membership = Membership(about.run, around.clock)
+        self.holding = Holding(self._not_held, around.clock)
         self.together = TogetherStep(
             around.together,
             Transport(about.way),
@@ -139,6 +142,8 @@ class Run:
         """Take an event: record what it changes, then do what follows from it."""
         effects = self.engine.handle(event, self.now)
         self.together.follow(self.engine.head.phase)
+        if holds := [effect for effect in effects if isinstance(effect, Hold)]:
+            self.holding.expect(holds)
         touched = self.engine.changes()
         head = repr(self.engine.head).encode()
         if not (new or touched or effects or head != self._head):
@@ -165,6 +170,7 @@ class Run:
         for member in self.engine.robots.ours():
             self._look(member.robot)
         self.see([member.robot for member in self.engine.robots.spares("all")])
+        self.holding.turn()
         self.take(Tick())
 
     def see(self, robots: Iterable[str]) -> None:
@@ -221,7 +227,8 @@ class Run:
             case BeginTogether(step, parts):
                 self.together.begin(step, parts)
             case Hold(part, resumes):
-                self._ask(part.robot, "navigate", {"command": "resume" if resumes else "pause"}, "")
+                message = {"command": "resume" if resumes else "pause"}
+                self._ask(part.robot, "navigate", message, "", partial(self.holding.answered, effect))
             case EmergencyStop(robots, reason):
                 self._around.stop(robots, f"run {self.id}: {reason}")
             case Enlist(robot):
@@ -231,6 +238,7 @@ class Run:
             case Occupy():
                 self._around.occupy(self)
             case Ended():
+                self.holding.end()
                 self._give_back()
                 self._around.give_back(self)
             case _:
@@ -291,6 +299,11 @@ class Run:
         if outcome is not Outcome.DONE and part.inflight:
             self._look(part.robot)
         self.take(Replied(part.identity, outcome, reply.reason))
+
+    def _not_held(self, hold: Hold, reason: str) -> None:
+        """Take it that a robot did not pause, or did not go on."""
+        what = "did not go on" if hold.resumes else "did not pause"
+        self.take(Pause(robot=hold.part.robot, reason=f"{what}: {reason}"))
 
     def join(self, robot: str, answer: Callable[[Reply], None]) -> None:
         """Ask for a robot; it obeys nobody else's motion until it is given back.

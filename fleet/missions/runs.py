@@ -21,6 +21,7 @@ from fleet.config.missions import Mission
 from fleet.errors import Refused
 from fleet.missions.engine import PAUSABLE, Engine
 from fleet.missions.filling import Filling, members_of, needs_of
+from fleet.missions.holding import Told
 from fleet.missions.other_edges import Elsewhere, not_kept_apart, require_reach
 from fleet.missions.points import SiteMap
 from fleet.missions.program import Act, Do, Program
@@ -266,11 +267,22 @@ class Runs:
                 log.exception("run %s cannot go on", each.id)
                 each.give_up(f"{type(error).__name__}: {error}")
 
-    def control(self, run: str, ask: ControlAsk) -> str:
-        """Pause, resume, abort a run, or answer its question; return why that was refused."""
+    def control(self, run: str, ask: ControlAsk, told: Told = lambda _refusal: None) -> None:
+        """Pause, resume, abort a run, or answer its question.
+
+        ``told`` hears why that was refused, empty when it was not: once the robots that are to pause or to
+        go on have answered.
+        """
         found = self._runs.get(run)
-        if found is None:
-            return f"there is no run {run!r} under way"
+        made = found.holding.made if found else 0
+        refusal = self._control(found, ask) if found else f"there is no run {run!r} under way"
+        if refusal or found is None:
+            told(refusal)
+        else:
+            found.holding.hear(made, told)
+
+    def _control(self, found: Run, ask: ControlAsk) -> str:
+        """Give a run the event; return why it does not follow it."""
         if ask.do == "answer":
             question = found.engine.head.question
             if question is None or (ask.question and question.id != ask.question):

@@ -88,11 +88,9 @@ class MissionStarter:
                 raise Refused(
                     f"run {', '.join(found)} is to be replaced, and did not end within {ENDED_WITHIN:g} s"
                 )
-            for run in found:
-                if run not in asked and not self._runs.control(
-                    run, ControlAsk("abort", session_id=ask.session_id)
-                ):
-                    asked.add(run)
+            for run in set(found) - asked:
+                abort = ControlAsk("abort", session_id=ask.session_id)
+                self._runs.control(run, abort, lambda refusal, run=run: refusal or asked.add(run))
             await asyncio.sleep(LOOK_EVERY)
         return ""
 
