@@ -15,7 +15,8 @@ from fleet.clock import Clock
 from fleet.errors import Refused
 from fleet.host.requests.event_reporter import EventReporter
 from fleet.host.requests.receipt import Receipt
-from fleet.host.robot.battery_watch import BatteryWatch
+from fleet.host.robot.adapter_factory import Capabilities
+from fleet.host.robot.battery_watch import BATTERY, BatteryWatch
 from fleet.host.robot.separation_keeper import SeparationKeeper
 from fleet.host.robot.whereabouts import Whereabouts
 from fleet.host.safety.fence import Fence
@@ -37,11 +38,14 @@ CLIMBS = {"takeoff": ("altitude", 0), "ascend": ("distance", 1), "descend": ("di
 """Commands that lead straight up or down: the field that says how far, and which way (0: above home)."""
 
 LANDINGS = frozenset({"land", "return_to_home"})
-"""Commands that lead down, which is safe: they are never refused for another robot's sake, only told."""
+"""Commands that lead down, which is safe: to one that flies they are never refused for another robot's sake,
+only told."""
 
 
 class GuardActions(Protocol):
     """What the guard asks of the robot's controller."""
+
+    can: Capabilities
 
     @property
     def free(self) -> bool:
@@ -175,7 +179,7 @@ class MotionGuard:
     def beginning(self, ask: Command) -> str | None:
         """Return why a command may not begin a flight or change its height; None when it may, or does not."""
         begins = self._start_trouble() if ask.name in BEGINNINGS else None
-        return begins or self._climb_trouble(ask) or None
+        return begins or self._climb_trouble(ask) or self._way_home_trouble(ask) or None
 
     def _tell_landing(self, name: str) -> None:
         """Say that a landing or a way home meets another robot; it goes on all the same."""
@@ -212,6 +216,18 @@ class MotionGuard:
         rise = sign * abs(metres) if sign else home.z + metres - pose.position.z
         task = RelativeMove(Vector3(0.0, 0.0, rise), body_frame=False)
         return self.apart.task_trouble(task, (pose.position + task.translation,))
+
+    def _way_home_trouble(self, ask: Command) -> str:
+        """Return why a robot may not drive home; empty when it may, or is not asked to.
+
+        One that flies home may: it climbs first, to a height that is its autopilot's own, and one that stays
+        in the air for another lands later with less battery.
+        """
+        drives_home = ask.name == "return_to_home" and self._robot.can.command("land") is None
+        if not drives_home or ask.origin == BATTERY or self.apart is None or not self.apart.is_judged:
+            return ""
+        trouble = self.apart.trouble_on(self._way_down(ask.name))
+        return f"its way home is not free: {trouble}" if trouble else ""
 
     def _start_trouble(self) -> str | None:
         """Return why nothing may begin whose way is not known, as a flight; None when it may."""
