@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 
 from fleet.clock import Clock
-from fleet.missions.state import Hold
+from fleet.missions.state import Hold, Pause
 from fleet.model.command import Reply
 
 ANSWERED_WITHIN = 8.0  # s; a pause is answered once the robot holds
@@ -26,10 +26,10 @@ class _Request:
 
 
 class Holding:
-    """What the robots of one run answer; ``refused`` hears of each robot that does not do it."""
+    """What the robots of one run answer; ``take`` takes it to the run that one of them does not do it."""
 
-    def __init__(self, refused: Callable[[Hold, str], None], clock: Clock) -> None:
-        self._refused = refused
+    def __init__(self, take: Callable[[Pause], None], clock: Clock) -> None:
+        self._take = take
         self._clock = clock
         self._requests: list[_Request] = []
         self.made = 0  # requests so far
@@ -77,8 +77,9 @@ class Holding:
     def _note(self, request: _Request, hold: Hold, reason: str) -> None:
         """Note a refusal, unless the part has ended meanwhile: then there was nothing to do."""
         if hold.part.inflight:
-            request.refusals.append(f"{hold.part.robot}: {reason}")
-            self._refused(hold, reason)
+            robot, what = hold.part.robot, "did not go on" if hold.resumes else "did not pause"
+            request.refusals.append(f"{robot}: {reason}")
+            self._take(Pause(robot=robot, reason=f"{what}: {reason}"))
 
     def _close(self, request: _Request) -> None:
         """Tell the outcome once all have answered."""

@@ -34,7 +34,6 @@ from fleet.missions.state import (
     Note,
     Occupy,
     Outcome,
-    Pause,
     Prepare,
     Prepared,
     Replied,
@@ -119,7 +118,7 @@ class Run:
         self._head = b""
         self._sent: set[str] = set()
         self._membership = Membership(about.run, around.clock)
-        self.holding = Holding(self._not_held, around.clock)
+        self.holding = Holding(self.take, around.clock)
         self.together = TogetherStep(
             around.together,
             Transport(about.way),
@@ -299,11 +298,6 @@ class Run:
         if outcome is not Outcome.DONE and part.inflight:
             self._look(part.robot)
         self.take(Replied(part.identity, outcome, reply.reason))
-
-    def _not_held(self, hold: Hold, reason: str) -> None:
-        """Take it that a robot did not pause, or did not go on."""
-        what = "did not go on" if hold.resumes else "did not pause"
-        self.take(Pause(robot=hold.part.robot, reason=f"{what}: {reason}"))
 
     def join(self, robot: str, answer: Callable[[Reply], None]) -> None:
         """Ask for a robot; it obeys nobody else's motion until it is given back.

@@ -275,29 +275,11 @@ class Runs:
         """
         found = self._runs.get(run)
         made = found.holding.made if found else 0
-        refusal = self._control(found, ask) if found else f"there is no run {run!r} under way"
+        refusal = _control(found, ask) if found else f"there is no run {run!r} under way"
         if refusal or found is None:
             told(refusal)
         else:
             found.holding.hear(made, told)
-
-    def _control(self, found: Run, ask: ControlAsk) -> str:
-        """Give a run the event; return why it does not follow it."""
-        if ask.do == "answer":
-            question = found.engine.head.question
-            if question is None or (ask.question and question.id != ask.question):
-                return "it asks nothing" if question is None else "it asks something else by now"
-            found.take(Answer(question.id, ask.goes_on, ask.session_id))
-            return ""
-        before = found.engine.head.phase
-        unpausable = found.together.unpausable(before) if ask.do == "pause" else ""
-        if unpausable:
-            return unpausable
-        found.take(_CONTROLS[ask.do](ask.session_id))
-        question = found.engine.head.question
-        if found.engine.head.phase is before:
-            return question.text if question else f"not possible while it is {before.value}"
-        return ""
 
     def stopped(self, names: tuple[str, ...], reason: str) -> None:
         """Take note of an emergency stop of several robots, or (no name) of all; on the loop."""
@@ -347,6 +329,25 @@ class Runs:
         for robot, why in refused.items():
             run.take(Left(robot, Outcome.LOST, why))
         run.take(Restarted())
+
+
+def _control(found: Run, ask: ControlAsk) -> str:
+    """Give a run the event; return why it does not follow it."""
+    if ask.do == "answer":
+        question = found.engine.head.question
+        if question is None or (ask.question and question.id != ask.question):
+            return "it asks nothing" if question is None else "it asks something else by now"
+        found.take(Answer(question.id, ask.goes_on, ask.session_id))
+        return ""
+    before = found.engine.head.phase
+    unpausable = found.together.unpausable(before) if ask.do == "pause" else ""
+    if unpausable:
+        return unpausable
+    found.take(_CONTROLS[ask.do](ask.session_id))
+    question = found.engine.head.question
+    if found.engine.head.phase is before:
+        return question.text if question else f"not possible while it is {before.value}"
+    return ""
 
 
 def check_run_id(run: str) -> None:

@@ -89,8 +89,10 @@ class MissionStarter:
                     f"run {', '.join(found)} is to be replaced, and did not end within {ENDED_WITHIN:g} s"
                 )
             for run in set(found) - asked:
-                abort = ControlAsk("abort", session_id=ask.session_id)
-                self._runs.control(run, abort, lambda refusal, run=run: refusal or asked.add(run))
+                refused: list[str] = []
+                self._runs.control(run, ControlAsk("abort", session_id=ask.session_id), refused.append)
+                if not any(refused):
+                    asked.add(run)
             await asyncio.sleep(LOOK_EVERY)
         return ""
 

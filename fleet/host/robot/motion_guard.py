@@ -179,7 +179,9 @@ class MotionGuard:
     def beginning(self, ask: Command) -> str | None:
         """Return why a command may not begin a flight or change its height; None when it may, or does not."""
         begins = self._start_trouble() if ask.name in BEGINNINGS else None
-        return begins or self._climb_trouble(ask) or self._way_home_trouble(ask) or None
+        apart = self.apart if _drives_home(ask, self._robot.can) else None
+        met = apart.trouble_on(self._way_down(ask.name)) if apart is not None and apart.is_judged else ""
+        return begins or self._climb_trouble(ask) or (f"its way home is not free: {met}" if met else None)
 
     def _tell_landing(self, name: str) -> None:
         """Say that a landing or a way home meets another robot; it goes on all the same."""
@@ -216,18 +218,6 @@ class MotionGuard:
         rise = sign * abs(metres) if sign else home.z + metres - pose.position.z
         task = RelativeMove(Vector3(0.0, 0.0, rise), body_frame=False)
         return self.apart.task_trouble(task, (pose.position + task.translation,))
-
-    def _way_home_trouble(self, ask: Command) -> str:
-        """Return why a robot may not drive home; empty when it may, or is not asked to.
-
-        One that flies home may: it climbs first, to a height that is its autopilot's own, and one that stays
-        in the air for another lands later with less battery.
-        """
-        drives_home = ask.name == "return_to_home" and self._robot.can.command("land") is None
-        if not drives_home or ask.origin == BATTERY or self.apart is None or not self.apart.is_judged:
-            return ""
-        trouble = self.apart.trouble_on(self._way_down(ask.name))
-        return f"its way home is not free: {trouble}" if trouble else ""
 
     def _start_trouble(self) -> str | None:
         """Return why nothing may begin whose way is not known, as a flight; None when it may."""
@@ -379,3 +369,12 @@ def _length(points: Iterable[Vector3]) -> float:
     """Return metres along a way."""
     points = tuple(points)
     return sum((later - sooner).norm() for sooner, later in itertools.pairwise(points))
+
+
+def _drives_home(ask: Command, can: Capabilities) -> bool:
+    """Return whether a way home is judged like a goal; what the battery policy asks for is not.
+
+    One that flies home is let through: it climbs first, to a height that is its autopilot's own, and one that
+    stays in the air for another lands later with less battery.
+    """
+    return ask.name == "return_to_home" and can.command("land") is None and ask.origin != BATTERY
