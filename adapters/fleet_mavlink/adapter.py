@@ -134,9 +134,8 @@ class MavlinkAdapter(PayloadCommands, UpkeepCommands):
 
     def halt(self) -> None:
         """Write zero velocity, or the hold command, at once; from any thread. A landing goes on."""
-        if not self._session.comes_down:
-            with contextlib.suppress(LinkError):
-                self._session.halt()
+        with contextlib.suppress(LinkError):
+            self._session.halt()
 
     def emergency_halt(self) -> None:
         """Write the same, whatever it does and whoever has it; from any thread."""

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from fleet import CommandError, NotReady, Refused, TimedOut
-from fleet_mavlink.commander import Commander, Superseded
+from fleet_mavlink.commander import Commander
 from fleet_mavlink.flavour import arm_command
 from fleet_mavlink.messages import Ask
 from fleet_mavlink.preconditions import require_heartbeat
 from fleet_mavlink.state import VehicleState
+from fleet_mavlink.turns import Superseded
 from fleet_mavlink.vehicle import Vehicle
 from fleet_mavlink.vehicle_kind import Brake, VehicleKind
 

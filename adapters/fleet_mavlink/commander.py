@@ -8,9 +8,7 @@ from __future__ import annotations
 
 import asyncio
 import math
-from collections import deque
 from collections.abc import Callable
-from typing import Self
 
 import msgspec
 
@@ -23,8 +21,10 @@ from fleet_mavlink.messages import (
     PositionTargetGlobalInt,
     SetPositionTargetGlobalInt,
 )
+from fleet_mavlink.motion_effect import Effect, effect_of, effect_of_change
 from fleet_mavlink.state import VehicleState
 from fleet_mavlink.texts import WARNING, Sentence
+from fleet_mavlink.turns import Exchange, Turns
 from fleet_mavlink.vehicle import Condition, Vehicle
 
 
@@ -52,101 +52,16 @@ _UNSUPPORTED = {
 }
 
 
-class Superseded(Refused):
-    """A command ended because something more urgent took over."""
-
-
-class _Exchange:
-    """A command's turn, entered when it is the one under way: what came back for it.
-
-    ``yields``: it is nobody's wish, and gives its turn to whoever else wants it.
-    """
-
-    def __init__(self, commander: Commander, ask: Ask, *, yields: bool = False) -> None:
-        self.yields = yields
-        self.command = ask.command
-        self.began = 0.0
-        self.acks: deque[CommandAck] = deque()
-        self._news: asyncio.Future[None] | None = None  # while somebody waits
-        self.refusal: CommandAck | None = None
-        self.refused_at = 0.0
-        self.superseded = ""
-        self._commander = commander
-
-    async def __aenter__(self) -> Self:
-        """Wait for our turn, and listen for answers before the command is sent; raises Refused."""
-        commander = self._commander
-        if not self.yields:
-            commander.end_yielding()
-        commander.waiting.add(self)
-        try:
-            await commander.turn.acquire()
-        finally:
-            commander.waiting.discard(self)
-        if self.superseded:
-            commander.turn.release()
-            self.require_wanted()
-        commander.exchange = self
-        self.began = commander.vehicle.now()
-        return self
-
-    async def __aexit__(self, *_: object) -> None:
-        """Stop listening."""
-        self._commander.exchange = None
-        self._commander.turn.release()
-
-    def supersede(self, reason: str) -> None:
-        """End the exchange with this reason."""
-        self.superseded = reason
-        self._wake()
-
-    def take(self, ack: CommandAck) -> None:
-        """Take an answer."""
-        self.acks.append(ack)
-        self._wake()
-
-    def _wake(self) -> None:
-        """Wake the waiting task."""
-        if self._news is not None and not self._news.done():
-            self._news.set_result(None)
-
-    async def next(self) -> CommandAck:
-        """Wait for an answer; raises Refused when something more urgent took over."""
-        while not self.acks and not self.superseded:
-            self._news = asyncio.get_running_loop().create_future()
-            await self._news
-        self.require_wanted()
-        return self.acks.popleft()
-
-    def require_wanted(self) -> None:
-        """Raise Refused when something more urgent took over."""
-        if self.superseded:
-            raise Superseded(f"superseded: {self.superseded}")
-
-
 class Commander:
     """Sends commands to one vehicle; its errors contain the autopilot's own texts."""
 
     def __init__(self, vehicle: Vehicle, timing: Timing) -> None:
         self.timing = timing
         self.vehicle = vehicle
-        self.turn = asyncio.Lock()
-        self.exchange: _Exchange | None = None
-        self.waiting: set[_Exchange] = set()  # for their turn
+        self.turns = Turns(vehicle.now)
         self._ever: set[int] = set()  # the commands that were ever sent
         self._unanswered: dict[int, float] = {}  # when each was sent that has no answer yet
         vehicle.on_ack = self._acknowledged
-
-    def supersede(self, reason: str) -> None:
-        """End the current and the waiting commands with this reason, for a more urgent one."""
-        for exchange in (*self.waiting, *((self.exchange,) if self.exchange else ())):
-            exchange.supersede(reason)
-
-    def end_yielding(self) -> None:
-        """End what gives its turn to others: nobody's command waits for an answer to it."""
-        for exchange in (*self.waiting, *((self.exchange,) if self.exchange else ())):
-            if exchange.yields:
-                exchange.supersede("something else is asked")
 
     async def ask(
         self, ask: Ask, *, seen: Condition | None = None, tries: int | None = None, yields: bool = False
@@ -157,9 +72,10 @@ class Commander:
         that it is not sent, and carried out, twice. Raises Refused, NotReady (temporarily rejected),
         Unsupported, TimedOut (no answer), LinkLost.
         """
-        async with _Exchange(self, ask, yields=yields) as exchange:
+        async with Exchange(self.turns, ask, effect=effect_of(ask), yields=yields) as exchange:
             sent = 0
             while True:
+                exchange.require_wanted()
                 self._send(ask, sent)
                 sent += 1
                 ack = await self._answer(exchange, seen)
@@ -172,7 +88,7 @@ class Commander:
                     return
 
     async def _obeyed_unanswered(
-        self, exchange: _Exchange, ask: Ask, seen: Condition | None, sent: int, tries: int
+        self, exchange: Exchange, ask: Ask, seen: Condition | None, sent: int, tries: int
     ) -> bool:
         """Tell whether a command was obeyed that was not answered; False: send it again.
 
@@ -189,7 +105,7 @@ class Commander:
         )
 
     async def _obeyed_refused(
-        self, exchange: _Exchange, ask: Ask, ack: CommandAck, seen: Condition | None, sent: int
+        self, exchange: Exchange, ask: Ask, ack: CommandAck, seen: Condition | None, sent: int
     ) -> bool:
         """Tell whether a command was obeyed though it was refused; False: send it again, after a pause.
 
@@ -214,7 +130,8 @@ class Commander:
         Acknowledgements only explain a failure: PX4 sends two, the first of which means nothing, and the
         second may be mistaken for that of the next command. Raises like ``ask``.
         """
-        async with _Exchange(self, ask) as exchange:
+        effect = effect_of_change(mode, ask, self.vehicle.flavour, self.vehicle.state)
+        async with Exchange(self.turns, ask, effect=effect) as exchange:
             already = shows(self.vehicle.state) == mode
             late = self.vehicle.now() - self._unanswered.get(ask.command, -math.inf) < _LATE
             for attempt in range(self.timing.tries):
@@ -256,7 +173,7 @@ class Commander:
         look = CommandLong(Cmd.REQUEST_MESSAGE, param1=float(PositionTargetGlobalInt.message_id))
         addressed = msgspec.structs.replace(target, target_system=self.vehicle.system)
         place = GeoPoint(target.lat_int / 1e7, target.lon_int / 1e7, altitude)
-        async with _Exchange(self, look) as exchange:
+        async with Exchange(self.turns, look, effect=Effect.MOTION) as exchange:
             for attempt in range(self.timing.tries):
                 began = self.vehicle.now()
                 self.vehicle.send(addressed)
@@ -276,7 +193,7 @@ class Commander:
             )
 
     @staticmethod
-    def _is_refused(exchange: _Exchange, state: VehicleState) -> bool:
+    def _is_refused(exchange: Exchange, state: VehicleState) -> bool:
         """Return True when a heartbeat after a refusal still shows another mode.
 
         A heartbeat right after the refusal does not count: it may be older than the change of mode, and the
@@ -286,7 +203,7 @@ class Commander:
 
     def _acknowledged(self, ack: CommandAck) -> None:
         """Note an answer to the current command; others are late, or meant for another station."""
-        exchange = self.exchange
+        exchange = self.turns.current
         self._unanswered.pop(ack.command, None)
         if ack.command not in self._ever:
             self.vehicle.trust.counts[NEVER_SENT] += 1
@@ -297,7 +214,7 @@ class Commander:
             exchange.refused_at = self.vehicle.now()
         exchange.take(ack)
 
-    async def _answer(self, exchange: _Exchange, seen: Condition | None) -> CommandAck | None:
+    async def _answer(self, exchange: Exchange, seen: Condition | None) -> CommandAck | None:
         """Return the answer, None when there is none in time; "in progress" is waited through."""
         wait = self.timing.answer
         while True:
@@ -328,7 +245,7 @@ class Commander:
         self._unanswered[ask.command] = self.vehicle.now()
         self.vehicle.send(addressed)
 
-    async def _refusal(self, ask: Ask, ack: CommandAck, exchange: _Exchange) -> Exception:
+    async def _refusal(self, ask: Ask, ack: CommandAck, exchange: Exchange) -> Exception:
         """Return the error for a refusal, after waiting for the autopilot's text with the reason."""
         await asyncio.sleep(self.timing.words)
         words = self._words_since(exchange.began)

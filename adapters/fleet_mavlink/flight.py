@@ -13,6 +13,7 @@ from fleet import (
     GeoOrigin,
     GeoPoint,
     Limits,
+    LinkError,
     NotReady,
     Progress,
     Refused,
@@ -99,7 +100,7 @@ class Flight:
             return
         try:
             await self.hold()
-        except CommandError as error:
+        except (CommandError, LinkError) as error:
             self.vehicle.log.warning("it does not hold: %s", error)
 
     async def arm(self, *, force: bool = False) -> None:

@@ -21,7 +21,7 @@ from fleet_mavlink.authentication import FALSE, UNSIGNED
 from fleet_mavlink.authority import Authority
 from fleet_mavlink.braking import Brakes
 from fleet_mavlink.camera import Camera
-from fleet_mavlink.commander import Commander, Superseded, Timing
+from fleet_mavlink.commander import Commander, Timing
 from fleet_mavlink.compass import Compass
 from fleet_mavlink.config import MavlinkConfig, Timeouts
 from fleet_mavlink.constants import AUTOPILOT
@@ -37,6 +37,7 @@ from fleet_mavlink.link_hub import LinkHub
 from fleet_mavlink.logs import LogReader
 from fleet_mavlink.messages import MavlinkMessage
 from fleet_mavlink.mission import MissionPilot
+from fleet_mavlink.motion_effect import EMERGENCY_HALTED, HALTED
 from fleet_mavlink.navigation import AutopilotNavigator
 from fleet_mavlink.parameters import Parameters
 from fleet_mavlink.payload_messages import SetupSigning
@@ -48,6 +49,7 @@ from fleet_mavlink.steering import Steering
 from fleet_mavlink.streams import Streams
 from fleet_mavlink.takeoff import TakeOff
 from fleet_mavlink.texts import Sentence
+from fleet_mavlink.turns import Superseded
 from fleet_mavlink.vehicle import Vehicle, lacking_of
 from fleet_mavlink.velocity_stream import PERIOD, VelocityStream
 
@@ -83,7 +85,7 @@ class VehicleSession:
             enter=self.flight.enter_external,
             hold=self.flight.hold,
             spawn=self._spawn,
-            busy=self.commander.turn.locked,
+            busy=self.commander.turns.lock.locked,
         )
         self.brakes = Brakes(vehicle, self.commander)
         self.parameters = Parameters(vehicle, lambda: self.flight.flavour)
@@ -183,7 +185,7 @@ class VehicleSession:
         motors are off.
         """
         if self.authority.lost_to and not takes_over:
-            self.commander.supersede(reason)
+            self.commander.turns.supersede(reason)
             self.driver.brake()
             raise Refused(
                 f"a pilot or a fail-safe has it, in {self.authority.taker}: it was left to that",
@@ -204,7 +206,7 @@ class VehicleSession:
         require_heartbeat(self.vehicle)
         if reason == GENTLE and self.driver.rest() and await self._rests():
             return
-        self.commander.supersede(reason)
+        self.commander.turns.supersede(reason)
         self.driver.brake()
         flavour = self.vehicle.flavour
         if flavour is None:
@@ -226,18 +228,22 @@ class VehicleSession:
 
     async def kill(self) -> None:
         """Stop the motors at once; running commands end, and nothing more is streamed."""
-        self.commander.supersede("kill")
+        self.commander.turns.supersede("kill")
         self.driver.end()
         await self.flight.kill()
 
     def halt(self, *, takes_over: bool = False) -> None:
         """Write the messages that stop the vehicle now; from any thread. The next tick continues from there.
 
-        A vehicle that does not answer may be in its own fail-safe, so its mode is not changed. One that is
-        under somebody else's control is left alone unless ``takes_over``.
+        Motion that was asked for and is not confirmed yet is not asked for again. A vehicle that does not
+        answer may be in its own fail-safe, so its mode is not changed. One that comes down, or is under
+        somebody else's control, is left alone unless ``takes_over``.
         """
         state, flavour = self.vehicle.state, self.vehicle.flavour
+        self.commander.turns.halt(EMERGENCY_HALTED if takes_over else HALTED)
         self.driver.halted = True
+        if self.comes_down and not takes_over:
+            return
         if flavour is None:
             brake = self.brakes.first() if self.vehicle.connected else None
             self._hub.send_from_any_thread([brake] if brake is not None else [], self.vehicle)
@@ -249,7 +255,9 @@ class VehicleSession:
             messages.append(ned_setpoint(Vector3(), 0.0, self.vehicle.system))
         # Zero alone is not enough: PX4 descends when the setpoints of a stuck process end.
         if self.vehicle.connected:
-            self.authority.expect(flavour.hold)
+            pending = self.commander.turns.current
+            goes_on = pending is not None and not pending.superseded  # a landing: its mode is still to come
+            (self.authority.expect_also if goes_on else self.authority.expect)(flavour.hold)
             messages.append(self.commander.addressed(flavour.hold_command()))
         self._hub.send_from_any_thread(messages, self.vehicle)
 
@@ -277,7 +285,12 @@ class VehicleSession:
         self.driver.give_way(flavour, mode)
 
     def _tick(self) -> None:
-        """Stream setpoints; the task that waits for the link notices when it is down."""
+        """Stream setpoints; the task that waits for the link notices when it is down.
+
+        Where a halt ended a command, the vehicle may still have obeyed that, so the hold is made sure of.
+        """
+        if self.commander.turns.end_halted() and not self.comes_down:
+            self._spawn(self.flight.hold_if_ours())
         try:
             self.driver.tick()
         except LinkLost as error:
@@ -351,7 +364,7 @@ class VehicleSession:
 
     def _authority_lost(self, reason: str) -> None:
         """End all our activity; running commands are not repeated against the pilot."""
-        self.commander.supersede("somebody else has the vehicle")
+        self.commander.turns.supersede("somebody else has the vehicle")
         self.driver.end()
         if self.vehicle.state.failsafe and not self._cause.text:
             self._spawn(self._tell_loss(reason))  # only the report waits for the reason

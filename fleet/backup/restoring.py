@@ -103,6 +103,7 @@ def _exchanged(fresh: Path, state: Path, files: Mapping[Path, bytes], now: float
             before.rename(state)
         shutil.rmtree(fresh, ignore_errors=True)
         raise
+    _confirm(state, before)
     return before
 
 
@@ -216,10 +217,21 @@ def _aside(state: Path, now: float) -> Path:
 
 
 def _into_place(fresh: Path, state: Path) -> None:
-    """Make the new folder the folder of state, on disk too."""
+    """Make the new folder the folder of state."""
     fresh.rename(state)
-    descriptor = os.open(state.parent, os.O_RDONLY | os.O_DIRECTORY)
+
+
+def _confirm(state: Path, before: Path | None) -> None:
+    """Wait until the disk has the new folder in its place; raises BackupError: the state is not as it was."""
     try:
-        os.fsync(descriptor)
-    finally:
-        os.close(descriptor)
+        descriptor = os.open(state.parent, os.O_RDONLY | os.O_DIRECTORY)
+        try:
+            os.fsync(descriptor)
+        finally:
+            os.close(descriptor)
+    except OSError as error:
+        was = f"; the state before is {before}" if before else ""
+        raise BackupError(
+            f"{state} has the backup, but the disk did not confirm it: {error.strerror or error}{was}; "
+            "check the disk, then restore again with --replace"
+        ) from None

@@ -109,6 +109,11 @@ class Query:
         if self._query is not None:
             self._query.reply((key or self.key) + self.suffix, payload)
 
+    def answer(self, payload: bytes, key: str | None = None) -> None:
+        """Send the only reply."""
+        self.reply(payload, key)
+        self.close()
+
     def close(self) -> None:
         """End the replies to this query."""
         if self._query is not None:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import contextvars
 import logging
+import threading
 from collections import deque
 from collections.abc import Callable, Iterator
 from functools import partial
@@ -87,6 +88,7 @@ class FrameTap:
         self._links: WeakSet[LinkTap] = WeakSet()
         self._waiting: deque[tuple[LinkTap, float, Way, bytes, Address]] = deque()
         self._size = 0
+        self._lock = threading.Lock()  # of what waits and its size, which several threads change
         self._dropped = 0
         self._number = 0
 
@@ -107,29 +109,45 @@ class FrameTap:
         """Begin or end to copy; on the event loop."""
         if on == self.is_on:
             return
-        self.is_on = on
-        self._waiting.clear()
-        self._size = 0
+        with self._lock:
+            self.is_on = on
+            self._waiting.clear()
+            self._size = 0
         for tap in list(self._links):
             tap.note = partial(self._take, tap) if on else None
 
     def _take(
         self, tap: LinkTap, way: Way, data: bytes, address: Address = None, *, at: float | None = None
     ) -> None:
-        """Keep a copy of a frame; from any thread."""
-        if self._size > MOST_WAITING:
-            self._dropped += 1
-            return
-        self._size += len(data) + OVERHEAD
-        self._waiting.append((tap, self._clock.time() if at is None else at, way, data, address))
+        """Keep a copy of a frame; from any thread, also of one that began before nobody recorded any more."""
+        frame = tap, self._clock.time() if at is None else at, way, data, address
+        with self._lock:
+            if not self.is_on:
+                return
+            if self._size > MOST_WAITING:
+                self._dropped += 1
+                return
+            self._size += len(data) + OVERHEAD
+            self._waiting.append(frame)
+
+    def _next(self) -> tuple[LinkTap, float, Way, bytes, Address] | None:
+        """Return the frame that waits for longest; None when there is none."""
+        with self._lock:
+            if not self._waiting:
+                return None
+            frame = self._waiting.popleft()
+            self._size -= len(frame[3]) + OVERHEAD
+            return frame
 
     def flushing(self, put: Callable[[bytes], None]) -> Iterator[None]:
         """Put all that waits, each message a ``LinkFrames`` as JSON; in steps, between which others run."""
         by_link: dict[LinkTap, list[LinkFrame]] = {}
         sizes: dict[LinkTap, int] = {}
         for count in range(1, len(self._waiting) + 1):
-            tap, at, way, data, address = self._waiting.popleft()
-            self._size -= len(data) + OVERHEAD
+            frame = self._next()
+            if frame is None:
+                break
+            tap, at, way, data, address = frame
             shown = self._redacted(tap, way, data)
             if shown is None:
                 continue

@@ -171,21 +171,24 @@ class Engine:
         self.ending.stopped(event.reason, self._now)
 
     def _pause(self, event: Pause) -> None:
-        """Let robots hold, and note where they are left."""
+        """Let robots hold, and note where they are left; all do where one of them does not go on."""
         head = self.head
+        if event.robot:
+            self.robots.note(event.reason, event.robot, self.steps.name)
         if head.phase not in (Phase.STEP, Phase.WAITING, Phase.ASKING):
             return
         head.paused_from, head.paused_at, head.phase = head.phase, self._now, Phase.PAUSED
-        self.robots.note(f"{event.by or 'Somebody'} paused the run", step=self.steps.name)
+        why = f"The run stays paused for {event.robot}" if event.robot else ""
+        self.robots.note(why or f"{event.by or 'Somebody'} paused the run", step=self.steps.name)
         for member in self.robots.within():
             member.paused_at = self.seen.position(member.robot)
             self.robots.touched[f"member {member.robot}"] = member
-        self._hold(resumes=False)
+        self._hold(resumes=False, without=event.robot)
 
-    def _hold(self, *, resumes: bool) -> None:
+    def _hold(self, *, resumes: bool, without: str = "") -> None:
         """Pause what leads robots somewhere, or let it go on."""
         for part in self.robots.active("do"):
-            if part.act.verb in PAUSABLE:
+            if part.act.verb in PAUSABLE and part.robot != without:
                 self.robots.effects.append(Hold(part, resumes))
 
     def _resume(self, event: Resume, *, confirmed: bool = False) -> None:

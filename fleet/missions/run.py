@@ -14,6 +14,7 @@ from typing import Any, Protocol
 from fleet.clock import Clock
 from fleet.errors import Refused
 from fleet.missions.engine import Engine
+from fleet.missions.holding import Holding
 from fleet.missions.messages import message_of, payload_of
 from fleet.missions.observed import Membership, facts_of, outcome_of
 from fleet.missions.points import SiteMap
@@ -117,6 +118,7 @@ class Run:
         self._head = b""
         self._sent: set[str] = set()
         self._membership = Membership(about.run, around.clock)
+        self.holding = Holding(self.take, around.clock)
         self.together = TogetherStep(
             around.together,
             Transport(about.way),
@@ -139,6 +141,8 @@ class Run:
         """Take an event: record what it changes, then do what follows from it."""
         effects = self.engine.handle(event, self.now)
         self.together.follow(self.engine.head.phase)
+        if holds := [effect for effect in effects if isinstance(effect, Hold)]:
+            self.holding.expect(holds)
         touched = self.engine.changes()
         head = repr(self.engine.head).encode()
         if not (new or touched or effects or head != self._head):
@@ -165,6 +169,7 @@ class Run:
         for member in self.engine.robots.ours():
             self._look(member.robot)
         self.see([member.robot for member in self.engine.robots.spares("all")])
+        self.holding.turn()
         self.take(Tick())
 
     def see(self, robots: Iterable[str]) -> None:
@@ -221,7 +226,8 @@ class Run:
             case BeginTogether(step, parts):
                 self.together.begin(step, parts)
             case Hold(part, resumes):
-                self._ask(part.robot, "navigate", {"command": "resume" if resumes else "pause"}, "")
+                message = {"command": "resume" if resumes else "pause"}
+                self._ask(part.robot, "navigate", message, "", partial(self.holding.answered, effect))
             case EmergencyStop(robots, reason):
                 self._around.stop(robots, f"run {self.id}: {reason}")
             case Enlist(robot):
@@ -231,6 +237,7 @@ class Run:
             case Occupy():
                 self._around.occupy(self)
             case Ended():
+                self.holding.end()
                 self._give_back()
                 self._around.give_back(self)
             case _:

@@ -21,6 +21,7 @@ from fleet.config.missions import Mission
 from fleet.errors import Refused
 from fleet.missions.engine import PAUSABLE, Engine
 from fleet.missions.filling import Filling, members_of, needs_of
+from fleet.missions.holding import Told
 from fleet.missions.other_edges import Elsewhere, not_kept_apart, require_reach
 from fleet.missions.points import SiteMap
 from fleet.missions.program import Act, Do, Program
@@ -267,26 +268,19 @@ class Runs:
                 log.exception("run %s cannot go on", each.id)
                 each.give_up(f"{type(error).__name__}: {error}")
 
-    def control(self, run: str, ask: ControlAsk) -> str:
-        """Pause, resume, abort a run, or answer its question; return why that was refused."""
+    def control(self, run: str, ask: ControlAsk, told: Told = lambda _refusal: None) -> None:
+        """Pause, resume, abort a run, or answer its question.
+
+        ``told`` hears why that was refused, empty when it was not: once the robots that are to pause or to
+        go on have answered.
+        """
         found = self._runs.get(run)
-        if found is None:
-            return f"there is no run {run!r} under way"
-        if ask.do == "answer":
-            question = found.engine.head.question
-            if question is None or (ask.question and question.id != ask.question):
-                return "it asks nothing" if question is None else "it asks something else by now"
-            found.take(Answer(question.id, ask.goes_on, ask.session_id))
-            return ""
-        before = found.engine.head.phase
-        unpausable = found.together.unpausable(before) if ask.do == "pause" else ""
-        if unpausable:
-            return unpausable
-        found.take(_CONTROLS[ask.do](ask.session_id))
-        question = found.engine.head.question
-        if found.engine.head.phase is before:
-            return question.text if question else f"not possible while it is {before.value}"
-        return ""
+        made = found.holding.made if found else 0
+        refusal = _control(found, ask) if found else f"there is no run {run!r} under way"
+        if refusal or found is None:
+            told(refusal)
+        else:
+            found.holding.hear(made, told)
 
     def stopped(self, names: tuple[str, ...], reason: str) -> None:
         """Take note of an emergency stop of several robots, or (no name) of all; on the loop."""
@@ -336,6 +330,25 @@ class Runs:
         for robot, why in refused.items():
             run.take(Left(robot, Outcome.LOST, why))
         run.take(Restarted())
+
+
+def _control(found: Run, ask: ControlAsk) -> str:
+    """Give a run the event; return why it does not follow it."""
+    if ask.do == "answer":
+        question = found.engine.head.question
+        if question is None or (ask.question and question.id != ask.question):
+            return "it asks nothing" if question is None else "it asks something else by now"
+        found.take(Answer(question.id, ask.goes_on, ask.session_id))
+        return ""
+    before = found.engine.head.phase
+    unpausable = found.together.unpausable(before) if ask.do == "pause" else ""
+    if unpausable:
+        return unpausable
+    found.take(_CONTROLS[ask.do](ask.session_id))
+    question = found.engine.head.question
+    if found.engine.head.phase is before:
+        return question.text if question else f"not possible while it is {before.value}"
+    return ""
 
 
 def check_run_id(run: str) -> None:

@@ -283,9 +283,11 @@ class Answer(msgspec.Struct, frozen=True):
 
 
 class Pause(msgspec.Struct, frozen=True):
-    """A person wants the run to pause."""
+    """A person wants the run to pause; or a ``robot`` did not pause or go on with it."""
 
     by: str = ""
+    robot: str = ""
+    reason: str = ""
 
 
 class Resume(msgspec.Struct, frozen=True):
@@ -325,9 +327,6 @@ Event = (
     | Abort
     | StopAll
 )
-
-
-# -- effects out -------------------------------------------------------------------------------------------
 
 
 class Begin(msgspec.Struct, frozen=True):

@@ -25,8 +25,8 @@ from fleet.host.edge.last_configuration import keep
 from fleet.host.process.rebuild import rebuild, take_over
 from fleet.host.process.robot_process import RobotProcess
 from fleet.host.robot.local_robot import LocalRobot
-from fleet.host.robot.rest import not_resting
-from fleet.host.safety.stricter import as_strict_as_both, holds_alike
+from fleet.host.robot.rest import moving, not_resting
+from fleet.host.safety.stricter import as_strict_as_both, held_back, holds_alike, may_loosen
 from fleet.host.workers.remote_robot import RemoteRobot
 from fleet.host.workers.worker_changes import WorkerChanges
 from fleet.model.change import FORMAT, Change, ChangeKind, ChangesAnswer, ChangesAsked, Outcome
@@ -39,6 +39,8 @@ log = logging.getLogger(__name__)
 
 LIVE = frozenset({ChangeKind.SETTINGS, ChangeKind.REBUILT})
 WAITS = "what is stricter holds from now on; the rest waits until it rests: {}"
+LOOSER = "it was rebuilt; what is looser waits until it rests: {}"
+BEFORE = "it has its configuration of before"
 
 
 class Changes:
@@ -157,7 +159,7 @@ class Changes:
             elif change.section:
                 sections.append(change)
             elif change.name in self._process.robots:
-                done.append(await self._here(change, new, asked))
+                done.append(await self._changed(change, new, asked))
             else:
                 elsewhere.setdefault(self._remote[change.name].worker, []).append(change)
         for worker, changes in elsewhere.items():
@@ -180,6 +182,14 @@ class Changes:
             self._tell()
         return [_ended(change, Outcome.DONE) for change in changes]
 
+    async def _changed(self, change: Change, new: Loaded, asked: ChangesAsked) -> Change:
+        """Change a robot of this process; what is wrong with one keeps no other from its change."""
+        try:
+            return await self._here(change, new, asked)
+        except Exception as error:
+            log.exception("the change of %s failed", change.name)
+            return _ended(change, Outcome.FAILED, f"{type(error).__name__}: {error}")
+
     async def _here(self, change: Change, new: Loaded, asked: ChangesAsked) -> Change:
         """Change a robot of this process."""
         robot = self._process.robots[change.name]
@@ -187,14 +197,21 @@ class Changes:
             config = own_config(robot, new)
         except Exception as error:  # noqa: BLE001 - the validators are the adapter's own code
             return _ended(change, Outcome.FAILED, f"its adapter, as it is loaded, refuses it: {error}")
-        moving = "" if asked.force else not_resting(robot)
-        if moving:
-            return self._stricter(robot, config, new, change, moving)
-        live = change.kind is ChangeKind.SETTINGS
+        live, moves = change.kind is ChangeKind.SETTINGS, moving(robot)
+        waits = moves if asked.force else not_resting(robot)
+        if waits and (live or not asked.force):
+            return self._stricter(robot, config, new, change, waits)
+        can, wanted = robot.controller.can, config
+        if moves:  # it is stopped for its rebuild; what is looser waits until it was seen to stand
+            config = held_back(robot.config, config, limits=can.limits, separation=can.separation)
         trouble = take_over(robot, config) if live else await rebuild(self._process, robot, config)
         if trouble:
-            return _ended(change, Outcome.FAILED, f"{trouble}; it has its configuration of before")
-        self._runs_with({change.name: _config_of(new, change.name)}, {change.name: new.given[change.name]})
+            return _ended(change, Outcome.FAILED, f"{trouble}; {BEFORE}")
+        known = {field: getattr(config, field) for field in SETTINGS} if moves else {}
+        running = _config_of(new, change.name).model_copy(update=known)
+        self._runs_with({change.name: running}, {change.name: new.given[change.name]})
+        if moves and not holds_alike(config, wanted, can.limits, can.separation):
+            return _ended(change, Outcome.PARTLY, LOOSER.format(moves))
         return _ended(change, Outcome.DONE)
 
     def _stricter(
@@ -204,12 +221,14 @@ class Changes:
         can, name = robot.controller.can, robot.name
         both = as_strict_as_both(robot.config, config, limits=can.limits, separation=can.separation)
         if change.kind is ChangeKind.SETTINGS and holds_alike(both, config, can.limits, can.separation):
-            robot.configure(config)
+            if trouble := take_over(robot, config):
+                return _ended(change, Outcome.FAILED, f"{trouble}; {BEFORE}")
             self._runs_with({name: _config_of(new, name)}, {name: new.given[name]})
             return _ended(change, Outcome.DONE)
         if holds_alike(both, robot.config, can.limits, can.separation):
             return _ended(change, Outcome.REFUSED, moving)
-        robot.configure(both)
+        if trouble := take_over(robot, both):
+            return _ended(change, Outcome.FAILED, f"{trouble}; {BEFORE}")
         known = {field: getattr(both, field) for field in SETTINGS}
         self._runs_with({name: _config_of(self._running, name).model_copy(update=known)}, {})
         return _ended(change, Outcome.PARTLY, WAITS.format(moving))
@@ -218,6 +237,8 @@ class Changes:
         self, worker: str, changes: list[Change], new: Loaded, asked: ChangesAsked
     ) -> list[Change]:
         """Change the robots of a worker, which starts again."""
+        if asked.force and (moves := self._loosens_in_motion(changes, new)):
+            return [_ended(change, Outcome.REFUSED, moves) for change in changes]
         names = [change.name for change in changes]
         configs = {name: _config_of(new, name) for name in names}
         after = _with(self._running, configs, {name: new.given[name] for name in names})
@@ -228,6 +249,15 @@ class Changes:
             self._running = after
             self._tell()
         return [_ended(change, outcome, why) for change in changes]
+
+    def _loosens_in_motion(self, changes: Iterable[Change], new: Loaded) -> str:
+        """Return which robot of a worker may be allowed more though it moves; empty for none."""
+        for change in changes:
+            name = change.name
+            moves = self._workers.moving(self._remote[name])
+            if moves and may_loosen(_config_of(self._running, name), _config_of(new, name)):
+                return f"{moves}: what holds it back is not loosened; stop it first"
+        return ""
 
     def _runs_with(self, configs: Mapping[str, AdapterConfig], given: Mapping[str, str]) -> None:
         """Note what the edge runs with from now on."""

@@ -1,7 +1,8 @@
 """``fleet run --watch``: a drop-in file that was saved is taken into use, for those who write one.
 
 Only files of workers, which start again; never the edge's own process. A worker with a real robot that does
-not rest goes on with the old file, and is asked again until it rests; simulated robots do not wait.
+not rest goes on with the old file, and is asked again until it rests; simulated robots do not wait. One that
+does not take the file, or does not answer, is asked again as well, each time after a longer while.
 """
 
 from __future__ import annotations
@@ -19,6 +20,8 @@ from fleet.host.process.component_settings import worker_of
 log = logging.getLogger(__name__)
 
 LOOK = 0.5  # s between looks; a file counts as saved once two of them see the same
+
+FIRST, LONGEST = 10, 120  # looks until a worker that refuses is asked again
 
 Ask = Callable[[str, str, bool], Awaitable[str]]
 """Have a worker take the file of an adapter into use, by force or at rest; returns why it does not."""
@@ -57,6 +60,8 @@ class DropInWatch:
         self._seen = {file: _stamp(file.path) for file in files}
         self._in_use = dict(self._seen)
         self._told: dict[WatchedFile, str] = {}
+        self._looks = 0
+        self._again: dict[WatchedFile, _Again] = {}
 
     async def run(self) -> None:
         """Look until cancelled."""
@@ -66,22 +71,47 @@ class DropInWatch:
 
     async def look(self) -> None:
         """Look once: what has been saved since, and is not being written still, is taken into use."""
+        self._looks += 1
         for file, before in list(self._seen.items()):
             now = self._seen[file] = _stamp(file.path)
-            if now is not None and now == before and now != self._in_use[file]:
+            if now != before:
+                self._again.pop(file, None)
+            elif now is not None and now != self._in_use[file] and self._is_due(file):
                 await self._take(file, now)
+
+    def _is_due(self, file: WatchedFile) -> bool:
+        """Return whether a worker is asked now."""
+        return file not in self._again or self._looks >= self._again[file].at
 
     async def _take(self, file: WatchedFile, stamp: tuple[int, int]) -> None:
         """Have a file taken into use; why not is told once."""
         waits = "" if file.simulated else self._hindrance(file.worker)
-        why = waits or await self._ask(file.worker, file.adapter, file.simulated)
+        why = waits or await self._asked(file)
         if not why:
             log.warning("%s: taken into use by worker %s", file.path, file.worker)
         elif why != self._told.get(file):
             log.warning("%s: not taken into use%s: %s", file.path, " yet" if waits else "", why)
         self._told[file] = why
-        if not waits:
+        if not why:
             self._in_use[file] = stamp
+        elif not waits:
+            pause = min(2 * self._again[file].pause, LONGEST) if file in self._again else FIRST
+            self._again[file] = _Again(pause, self._looks + pause)
+
+    async def _asked(self, file: WatchedFile) -> str:
+        """Ask a worker; return why it does not take the file, or cannot be asked."""
+        try:
+            return await self._ask(file.worker, file.adapter, file.simulated)
+        except Exception as error:
+            log.exception("worker %s could not be asked", file.worker)
+            return f"worker {file.worker} could not be asked: {type(error).__name__}: {error}"
+
+
+class _Again(msgspec.Struct, frozen=True):
+    """When a worker that refused is asked again, in looks, and how long after it was asked that is."""
+
+    pause: int
+    at: int
 
 
 def _stamp(path: Path) -> tuple[int, int] | None:

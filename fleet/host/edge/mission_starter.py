@@ -88,10 +88,10 @@ class MissionStarter:
                 raise Refused(
                     f"run {', '.join(found)} is to be replaced, and did not end within {ENDED_WITHIN:g} s"
                 )
-            for run in found:
-                if run not in asked and not self._runs.control(
-                    run, ControlAsk("abort", session_id=ask.session_id)
-                ):
+            for run in set(found) - asked:
+                refused: list[str] = []
+                self._runs.control(run, ControlAsk("abort", session_id=ask.session_id), refused.append)
+                if not any(refused):
                     asked.add(run)
             await asyncio.sleep(LOOK_EVERY)
         return ""

@@ -342,8 +342,7 @@ class Missions:
     ) -> None:
         """Answer who asked."""
         started = Started(run, {role: list(robots) for role, robots in roles.items()}, refusal)
-        question.reply(_encode(started), keys.mission(self._edge, name))
-        question.close()
+        question.answer(_encode(started), keys.mission(self._edge, name))
 
     def _asked_run(self, question: Query) -> None:
         """Take a question for a run; on the bus's thread."""
@@ -354,21 +353,24 @@ class Missions:
         if not question.payload:
             self._tell_runs(question, run)
             return
+        key = keys.run(self._edge, run)
+
+        def told(refusal: str) -> None:
+            question.answer(_encode(Controlled(refusal)), key)
+
         try:
             ask = decode_json(question.payload, ControlAsk)
         except msgspec.DecodeError as error:
-            question.reply(_encode(Controlled(str(error))), keys.run(self._edge, run))
-            question.close()
+            told(str(error))
             return
         if ask.do == "log":
             self.store.story(run, partial(self._tell_story, question, run))
             return
         if ask.do == "results":
-            self.results.answer(question, keys.run(self._edge, run), run)
+            self.results.answer(question, key, run)
             return
-        refusal = console_refusal(question, Permission.OPERATE) or self.runs.control(run, ask)
-        question.reply(_encode(Controlled(refusal)), keys.run(self._edge, run))
-        question.close()
+        refusal = console_refusal(question, Permission.OPERATE)
+        told(refusal) if refusal else self.runs.control(run, ask, told)
 
     def _tell_story(self, question: Query, run: str, story: list[Told]) -> None:
         """Answer with a run's story; none of a run that is another edge's."""

@@ -242,7 +242,8 @@ class TwinPlans:
             self._runs.control(run.id, ControlAsk("abort", session_id=by))
             self._ask(robot, {"command": "stop"}, ask, told)
         elif control is Control.PAUSE:
-            told(_reply(self._runs.control(run.id, ControlAsk("pause", session_id=by))))
+            pause = ControlAsk("pause", session_id=by)
+            self._runs.control(run.id, pause, lambda refusal: told(_reply(refusal)))
         else:
             # The robot judges who resumes it, and how old that is, as it does when a run takes it.
             joins: dict[str, object] = {"command": JOIN, "data": {"run": run.id}}
@@ -258,7 +259,7 @@ class TwinPlans:
         asked = ControlAsk("resume", session_id=by)
         if question is not None:
             asked = ControlAsk("answer", question.id, goes_on=True, session_id=by)
-        told(_reply(self._runs.control(run.id, asked)))
+        self._runs.control(run.id, asked, lambda refusal: told(_reply(refusal)))
 
     def _ask(self, robot: RobotPort, message: dict[str, object], ask: Navigate, answer: Answer) -> None:
         """Ask a robot something in the words of who sent a message."""

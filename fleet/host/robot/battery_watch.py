@@ -11,6 +11,9 @@ from fleet.model.command import Command, Origin, Reply, Transport
 from fleet.model.event import EventKind, Severity
 from fleet.robot_config import BatteryPolicy
 
+BATTERY = Origin(Transport.MISSION, session="battery")
+"""Who asks for what a battery policy does."""
+
 
 class BatteryWatch:
     """One robot's battery, by its policy.
@@ -56,7 +59,7 @@ class BatteryWatch:
             self._event_reporter.event(EventKind.BATTERY, text, telemetry="battery_low", data=policy)
         if self._action != "warn" and not self._acted and self._free():
             receipt = Receipt(self._action, lambda _: None)
-            self._ask(Command(self._action, origin=Origin(Transport.MISSION, session="battery")), receipt)
+            self._ask(Command(self._action, origin=BATTERY), receipt)
             self._acted = receipt.ended is None  # else it was refused at once: it is asked again
             self.forced = f"{self._action} by battery_policy: the battery was at {percent:.0f} %"
             if self._acted:

@@ -15,7 +15,8 @@ from fleet.clock import Clock
 from fleet.errors import Refused
 from fleet.host.requests.event_reporter import EventReporter
 from fleet.host.requests.receipt import Receipt
-from fleet.host.robot.battery_watch import BatteryWatch
+from fleet.host.robot.adapter_factory import Capabilities
+from fleet.host.robot.battery_watch import BATTERY, BatteryWatch
 from fleet.host.robot.separation_keeper import SeparationKeeper
 from fleet.host.robot.whereabouts import Whereabouts
 from fleet.host.safety.fence import Fence
@@ -37,11 +38,14 @@ CLIMBS = {"takeoff": ("altitude", 0), "ascend": ("distance", 1), "descend": ("di
 """Commands that lead straight up or down: the field that says how far, and which way (0: above home)."""
 
 LANDINGS = frozenset({"land", "return_to_home"})
-"""Commands that lead down, which is safe: they are never refused for another robot's sake, only told."""
+"""Commands that lead down, which is safe: to one that flies they are never refused for another robot's sake,
+only told."""
 
 
 class GuardActions(Protocol):
     """What the guard asks of the robot's controller."""
+
+    can: Capabilities
 
     @property
     def free(self) -> bool:
@@ -175,7 +179,9 @@ class MotionGuard:
     def beginning(self, ask: Command) -> str | None:
         """Return why a command may not begin a flight or change its height; None when it may, or does not."""
         begins = self._start_trouble() if ask.name in BEGINNINGS else None
-        return begins or self._climb_trouble(ask) or None
+        apart = self.apart if _drives_home(ask, self._robot.can) else None
+        met = apart.trouble_on(self._way_down(ask.name)) if apart is not None and apart.is_judged else ""
+        return begins or self._climb_trouble(ask) or (f"its way home is not free: {met}" if met else None)
 
     def _tell_landing(self, name: str) -> None:
         """Say that a landing or a way home meets another robot; it goes on all the same."""
@@ -363,3 +369,12 @@ def _length(points: Iterable[Vector3]) -> float:
     """Return metres along a way."""
     points = tuple(points)
     return sum((later - sooner).norm() for sooner, later in itertools.pairwise(points))
+
+
+def _drives_home(ask: Command, can: Capabilities) -> bool:
+    """Return whether a way home is judged like a goal; what the battery policy asks for is not.
+
+    One that flies home is let through: it climbs first, to a height that is its autopilot's own, and one that
+    stays in the air for another lands later with less battery.
+    """
+    return ask.name == "return_to_home" and can.command("land") is None and ask.origin != BATTERY

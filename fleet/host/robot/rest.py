@@ -7,10 +7,9 @@ from fleet.host.robot.local_robot import LocalRobot
 STILL = 0.05  # m/s: slower is noise of what a robot tells
 
 
-def not_resting(robot: LocalRobot) -> str:
-    """Return what a robot does that the end of its adapter would cut off; empty for one that rests."""
+def moving(robot: LocalRobot) -> str:
+    """Return how a robot moves, or may; empty for one that stands and has nothing to do."""
     controller, state = robot.controller, robot.state()
-    holder = controller.lease.control(robot.clock.monotonic())
     if controller.in_motion:
         return f"{state.name} is commanded ({controller.activity or 'moving'}); stop it first"
     if controller.may_be_moving:
@@ -19,6 +18,15 @@ def not_resting(robot: LocalRobot) -> str:
         return f"{state.name} is armed; disarm it first"
     if state.speed is not None and state.speed > STILL:
         return f"{state.name} moves at {state.speed:.2f} m/s"
+    return ""
+
+
+def not_resting(robot: LocalRobot) -> str:
+    """Return what a robot does that the end of its adapter would cut off; empty for one that rests."""
+    if moves := moving(robot):
+        return moves
+    state = robot.state()
+    holder = robot.controller.lease.control(robot.clock.monotonic())
     if state.run:
         return f"{state.name} is in run {state.run}; fleet take takes it out of the run"
     return f"{state.name}: {holder}" if holder else ""

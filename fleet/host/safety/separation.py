@@ -97,8 +97,16 @@ class Occupant(msgspec.Struct, frozen=True):
         return off.scaled(stopping(speed, self.braking) / speed) if speed > ASTRAY else Vector3()
 
     def course(self, velocity: Vector3, late: float = 0.0) -> tuple[Vector3, ...]:
-        """Return the line that it would go at a velocity, turning as it does, until it stands."""
-        return self._course(velocity, self.turn, late)
+        """Return the line that it would go at a velocity, turning as it does, until it stands.
+
+        It brakes straight ahead, whenever it is told to: where it turns, the line also goes to where it
+        would stand if it were told to at once, and ends there.
+        """
+        line = self._course(velocity, self.turn, late)
+        if not self.turn or len(line) == 1:
+            return line
+        ahead = self._course(velocity, 0.0, late)[-1]
+        return (*line, ahead, self.at, ahead)
 
     def _course(self, velocity: Vector3, turn: float, late: float) -> tuple[Vector3, ...]:
         """Return an arc for as long as it takes until it brakes, and the straight way on which it does."""

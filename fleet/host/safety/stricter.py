@@ -11,6 +11,9 @@ from fleet.host.safety.source_policy import SourcePolicy
 from fleet.model.polygon import Polygon, crosses, polygon_contains
 from fleet.robot_config import Accepts, AdapterConfig, BatteryPolicy, FenceConfig, Limits, Separation
 
+ENFORCED = ("accepts", "limits", "fence", "battery_policy", "separation")
+"""The fields that the host enforces by itself."""
+
 
 def as_strict_as_both(
     old: AdapterConfig, new: AdapterConfig, *, limits: Limits, separation: Separation
@@ -28,6 +31,28 @@ def as_strict_as_both(
             "separation": _separation(old.separation.over(separation), new.separation.over(separation)),
         }
     )
+
+
+def held_back(
+    old: AdapterConfig, new: AdapterConfig, *, limits: Limits, separation: Separation
+) -> AdapterConfig:
+    """Return the new configuration, with all that is stricter in the old one."""
+    both = as_strict_as_both(old, new, limits=limits, separation=separation)
+    return new.model_copy(update={name: getattr(both, name) for name in ENFORCED})
+
+
+def may_loosen(old: AdapterConfig, new: AdapterConfig) -> bool:
+    """Return whether the new configuration may allow more, as far as that can be told without the adapter.
+
+    What holds where a configuration says nothing is the adapter's own, and unknown here.
+    """
+    unknown = any(
+        before is None and after is not None
+        for one, other in ((old.limits, new.limits), (old.separation, new.separation))
+        for (_, before), (_, after) in zip(one, other, strict=True)
+    )
+    kept = held_back(old, new, limits=Limits(), separation=Separation())
+    return unknown or not holds_alike(kept, new, Limits(), Separation())
 
 
 def holds_alike(config: AdapterConfig, other: AdapterConfig, limits: Limits, separation: Separation) -> bool:

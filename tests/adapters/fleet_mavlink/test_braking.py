@@ -19,10 +19,11 @@ from fleet.model.report import (
     TelemetryReport,
 )
 from fleet_mavlink.braking import Brakes
-from fleet_mavlink.commander import Commander, Superseded, Timing
+from fleet_mavlink.commander import Commander, Timing
 from fleet_mavlink.constants import Cmd, Result, type_name
 from fleet_mavlink.flavours import kind_of
 from fleet_mavlink.messages import CommandAck, ExtendedSysState, GlobalPositionInt, Heartbeat
+from fleet_mavlink.turns import Superseded
 from fleet_mavlink.vocabulary import OF_A_MOVED_VEHICLE
 
 HOLD, GUIDED = 4, 15

@@ -256,7 +256,7 @@ def test_something_urgent_ends_what_is_under_way_at_once(talk):
         doing = asyncio.ensure_future(it.commander.ask(ARM))
         await asyncio.sleep(0.1)
         began = it.loop.time()
-        it.commander.supersede("stop")
+        it.commander.turns.supersede("stop")
         with pytest.raises(Refused, match="superseded: stop"):
             await doing
         assert it.loop.time() == began
@@ -298,7 +298,7 @@ def test_what_is_more_urgent_does_not_wait_behind_what_waits_for_its_turn(talk):
         queue = [asyncio.ensure_future(it.commander.ask(ARM)) for _ in range(4)]
         await asyncio.sleep(0.1)
         began = it.loop.time()
-        it.commander.supersede("stop")
+        it.commander.turns.supersede("stop")
         it.later(0.1, ack(Result.ACCEPTED, Cmd.DO_SET_MODE))
         await it.commander.ask(offboard())
         assert it.loop.time() - began == pytest.approx(0.1)
@@ -314,7 +314,7 @@ def test_what_was_superseded_while_it_waited_to_ask_again_is_not_sent_again(talk
         doing = asyncio.ensure_future(it.commander.ask(ARM))
         it.later(0.1, ack(Result.TEMPORARILY_REJECTED))
         await asyncio.sleep(0.2)
-        it.commander.supersede("stop")
+        it.commander.turns.supersede("stop")
         with pytest.raises(Refused, match="superseded: stop"):
             await doing
         assert len(it.sent) == 1
@@ -382,7 +382,7 @@ def test_a_change_of_mode_gives_way_to_something_urgent(talk):
     async def test(it):
         doing = asyncio.ensure_future(it.commander.enter("OFFBOARD", MODE, offboard()))
         await asyncio.sleep(0.1)
-        it.commander.supersede("stop")
+        it.commander.turns.supersede("stop")
         it.told.say(StatusTextMessage(6, "anything"))
         with pytest.raises(Refused, match="superseded: stop"):
             await doing
@@ -396,7 +396,7 @@ def test_a_late_answer_to_where_it_was_to_go_is_not_taken_for_the_holds(talk):
         go = px4.go_command(GeoPoint(47.0, 8.0, 500.0), 488.0, 5.0, None)
         going = asyncio.ensure_future(it.commander.enter("AUTO.LOITER", MODE, go))
         await asyncio.sleep(0.1)
-        it.commander.supersede("stop")
+        it.commander.turns.supersede("stop")
         await asyncio.gather(going, return_exceptions=True)
         it.later(0.1, ack(Result.ACCEPTED, Cmd.DO_REPOSITION))  # to ``go``; the first hold is lost
         it.later(1.5, ack(Result.ACCEPTED, Cmd.DO_REPOSITION))

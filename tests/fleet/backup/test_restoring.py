@@ -3,6 +3,7 @@
 import os
 import shutil
 import sqlite3
+import stat
 
 import pytest
 
@@ -128,6 +129,29 @@ def test_state_that_this_fleet_cannot_use_is_refused_and_nothing_is_written(
     with pytest.raises(BackupError, match=words):
         restored(backup, tmp_path / "yard-1", tmp_path / "etc", contents=backup.contents | contents)
     assert list(tmp_path.iterdir()) == []
+
+
+def test_a_disk_that_does_not_confirm_is_told_and_the_state_is_not_said_to_be_as_it_was(
+    backup, tmp_path, monkeypatch
+):
+    state = tmp_path / "yard-1"
+    restored(backup, state)
+    fsync = os.fsync
+
+    def fails(descriptor):
+        if stat.S_ISDIR(os.fstat(descriptor).st_mode):
+            raise OSError(5, os.strerror(5))
+        fsync(descriptor)
+
+    monkeypatch.setattr(os, "fsync", fails)
+    with pytest.raises(
+        BackupError, match="did not confirm it: Input/output error; the state before is"
+    ) as told:
+        restored(backup, state, replace=True)
+    assert "as it was" not in str(told.value)
+    (before,) = [path for path in tmp_path.iterdir() if path != state]
+    assert str(before) in str(told.value)
+    assert (state / "journal.db").exists()
 
 
 @pytest.mark.parametrize("step", ["_write_all", "_into_place", "_aside"])

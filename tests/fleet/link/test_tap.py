@@ -1,6 +1,8 @@
 """Copies of frames: none while nobody records, bounded, in order, without secrets."""
 
 import asyncio
+import sys
+import threading
 
 import msgspec
 import pytest
@@ -60,6 +62,44 @@ def test_nothing_is_copied_once_nobody_records_any_more(frames):
     tap.note("in", b"x")
     frames.switch(on=False)
     assert (tap.note, flushed(frames)) == (None, [])
+
+
+def test_a_frame_of_a_thread_that_is_late_is_not_kept_once_nobody_records(frames):
+    tap = opened(frames)
+    frames.switch(on=True)
+    note = tap.note  # as a link has it while another thread ends the recording
+    frames.switch(on=False)
+    note("out", b"late")
+    assert flushed(frames) == []
+
+
+def test_an_end_in_the_middle_of_a_flush_ends_that(frames, monkeypatch):
+    monkeypatch.setattr(taps, "STEP", 1)
+    tap = opened(frames)
+    frames.switch(on=True)
+    for _ in range(3):
+        tap.note("out", b"go")
+    flush = frames.flushing(lambda _: None)
+    next(flush)
+    frames.switch(on=False)
+    list(flush)
+
+
+def test_what_several_threads_note_while_it_is_flushed_leaves_nothing_counted_as_waiting(frames):
+    tap, interval = opened(frames), sys.getswitchinterval()
+    frames.switch(on=True)
+    writers = [threading.Thread(target=lambda: [tap.note("out", b"go") for _ in range(5000)]) for _ in "abc"]
+    count = 0
+    sys.setswitchinterval(1e-6)
+    try:
+        for writer in writers:
+            writer.start()
+        while any(writer.is_alive() for writer in writers):
+            count += sum(len(told.frames) for told in flushed(frames))
+        count += sum(len(told.frames) for told in flushed(frames))
+    finally:
+        sys.setswitchinterval(interval)
+    assert (count, frames._size) == (15000, 0)
 
 
 def test_what_does_not_fit_is_dropped_and_counted(frames, monkeypatch):

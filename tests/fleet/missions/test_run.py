@@ -62,7 +62,7 @@ def test_when_the_instant_is_not_taken_nobody_moves_and_nothing_is_undone(yard):
 
 def test_an_abort_before_the_instant_takes_the_start_back(yard):
     yard.start(TOGETHER)
-    yard.runs.control("3f2a", ControlAsk("abort"))
+    yard.control("3f2a", ControlAsk("abort"))
     yard.settle()
     assert yard.starts[0].withdrawn
 
@@ -70,15 +70,18 @@ def test_an_abort_before_the_instant_takes_the_start_back(yard):
 def test_a_pause_before_all_have_begun_is_refused_in_words_and_changes_nothing(yard):
     yard.start(TOGETHER)
     for _ in range(2):
-        why = yard.runs.control("3f2a", ControlAsk("pause"))
+        why = yard.control("3f2a", ControlAsk("pause"))
         yard.turn()
         assert why == "its robots are about to begin together: pause it once they have, or abort it now"
     (start,) = yard.starts
     assert not start.withdrawn
     start.instant()
-    assert yard.runs.control("3f2a", ControlAsk("pause")) == ""
-    yard.settle()
+    told = yard.controlled("3f2a", ControlAsk("pause"))
     assert yard.last.phase == "paused"
+    assert told == []
+    for robot in ("kestrel", "beast"):
+        yard.done(robot, "pause")
+    assert told == [""], "once all hold"
     for robot in ("kestrel", "beast"):
         assert yard.robots[robot].names == ["goto", "pause"], "each holds what it has begun"
 
@@ -88,17 +91,18 @@ def test_while_robots_are_asked_whether_they_could_a_pause_is_refused(yard):
     yard.store._thread.submit(lambda: None).result(20)
     while yard.soon and not yard.starts:
         yard.soon.pop(0)()
-    assert yard.runs.control("3f2a", ControlAsk("pause")).startswith("its robots are about to begin together")
+    assert yard.control("3f2a", ControlAsk("pause")).startswith("its robots are about to begin together")
 
 
 def test_one_that_is_lost_before_it_has_begun_keeps_nobody_from_pausing_the_others(yard):
     yard.start({**TOGETHER, "quorum": {"eye": 1, "feet": 0}})
     yard.starts[0].told.remove("beast")
     yard.starts[0].instant()
-    assert yard.runs.control("3f2a", ControlAsk("pause"))
+    assert yard.control("3f2a", ControlAsk("pause"))
     yard.robots["beast"].be(reachable=False, cause="its link fell")
     yard.turn()
-    assert yard.runs.control("3f2a", ControlAsk("pause")) == ""
+    yard.controlled("3f2a", ControlAsk("pause"))
+    assert yard.last.phase == "paused"
 
 
 def test_a_robot_whose_state_does_not_say_yet_that_it_has_joined_is_not_lost(yard):

@@ -57,7 +57,7 @@ def test_it_fails_when_the_place_does_not_become_free_in_time(runs):
 
 
 def test_one_that_waits_can_be_aborted(runs):
-    assert runs.runs.control("b", ControlAsk("abort")) == ""
+    assert runs.control("b", ControlAsk("abort")) == ""
     runs.settle()
     runs.done("kestrel", "stop")
     assert state(runs, "b").outcome == "aborted"

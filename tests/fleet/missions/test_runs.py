@@ -157,7 +157,7 @@ def test_a_killed_edge_begins_nothing_twice_and_asks(yard):
     assert "restarted in step up.1" in question.text
     yard.done("kestrel", "stop")
     yard.done("beast", "stop")
-    assert yard.runs.control("3f2a", ControlAsk("answer", question=question.id, goes_on=True)) == ""
+    assert yard.control("3f2a", ControlAsk("answer", question=question.id, goes_on=True)) == ""
     yard.settle()
     yard.done("kestrel", "goto")
     yard.done("beast", "goto")
@@ -200,11 +200,11 @@ def test_a_run_that_fails_in_the_edge_stops_its_robots_and_ends_unknown(yard, mo
 
 def test_controls_tell_why_they_are_refused(yard):
     yard.start()
-    assert yard.runs.control("77", ControlAsk("abort")) == "there is no run '77' under way"
-    assert yard.runs.control("3f2a", ControlAsk("answer")) == "it asks nothing"
-    assert yard.runs.control("3f2a", ControlAsk("resume")) == "not possible while it is step"
-    assert yard.runs.control("3f2a", ControlAsk("pause")) == ""
-    assert yard.runs.control("3f2a", ControlAsk("abort")) == ""
+    assert yard.control("77", ControlAsk("abort")) == "there is no run '77' under way"
+    assert yard.control("3f2a", ControlAsk("answer")) == "it asks nothing"
+    assert yard.control("3f2a", ControlAsk("resume")) == "not possible while it is step"
+    assert yard.control("3f2a", ControlAsk("pause")) == ""
+    assert yard.control("3f2a", ControlAsk("abort")) == ""
 
 
 def test_a_robot_of_a_run_that_is_taken_up_again_is_given_to_no_other_run(yard):

@@ -187,6 +187,20 @@ class Yard:
             self.settle()
         return began
 
+    def controlled(self, run, ask):
+        """Control a run; return the list that gets why it was refused, empty for nothing."""
+        told = []
+        self.runs.control(run, ask, told.append)
+        self.settle()
+        return told
+
+    def control(self, run, ask):
+        """Control a run in a way that is answered at once; return why it was refused."""
+        told = []
+        self.runs.control(run, ask, told.append)
+        (refusal,) = told
+        return refusal
+
     def turn(self, seconds=0.2):
         self.clock.advance(seconds)
         self.runs.turn()

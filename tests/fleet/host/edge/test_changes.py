@@ -219,6 +219,52 @@ async def test_a_robot_that_moves_is_held_to_what_is_stricter_at_once_and_the_re
     assert robot.config.limits.yaw_rate == 9.0
 
 
+async def moves(field, robot="rex"):
+    assert (await field.say(robot, GOTO, "navigate")).ok
+    await field.until(lambda: "navigate" in field.place.words(robot))
+
+
+async def test_force_loosens_nothing_of_a_robot_that_moves_and_what_is_stricter_holds_at_once(field):
+    await moves(field)
+    field.write("rex", accepts={"command": ["tele", "edit"], "navigate": []})
+    done = (await field.apply(force=True))["rex"]
+    assert (done.outcome, "rex is commanded" in done.why) == (Outcome.PARTLY, True)
+    accepts = field.edge.process.robots["rex"].config.accepts
+    assert (accepts.command, accepts.navigate) == ({"tele"}, frozenset())
+    assert field.place.words("rex") == ["run", "navigate"], "its motion goes on"
+
+
+async def test_a_forced_rebuild_of_a_robot_that_moves_loosens_nothing_until_it_rests(field):
+    await moves(field)
+    field.write("rex", stands=True, limits={"speed": 0.5, "yaw_rate": 9.0})
+    done = (await field.apply(force=True))["rex"]
+    assert (done.outcome, "what is looser waits" in done.why) == (Outcome.PARTLY, True)
+    robot = field.edge.process.robots["rex"]
+    assert (robot.config.stands, robot.config.limits.speed, robot.config.limits.yaw_rate) == (True, 0.5, 1.0)
+    await field.until(lambda: field.state("rex").activity == "")
+    assert (await field.apply())["rex"].outcome is Outcome.DONE
+    assert robot.config.limits.yaw_rate == 9.0
+
+
+async def test_one_robot_in_motion_that_cannot_be_held_to_it_keeps_no_other_from_its_change(field):
+    await moves(field)
+    robot = field.edge.process.robots["rex"]
+    configure, before = robot.configure, robot.config
+
+    def refuses(config):
+        configure(config)
+        if config.limits.speed == 0.5:
+            raise ValueError("too slow for it")
+
+    robot.configure = refuses
+    field.write("rex", limits={"speed": 0.5})
+    field.write("max", limits={"speed": 0.4})
+    done = await field.apply()
+    assert (done["rex"].outcome, "too slow for it" in done["rex"].why) == (Outcome.FAILED, True)
+    assert robot.config == before
+    assert done["max"].outcome is Outcome.DONE
+
+
 async def test_a_robot_that_does_not_come_back_has_its_configuration_of_before(field, monkeypatch):
     monkeypatch.setattr(rebuild, "BACK_WITHIN", 0.5)
     before = field.edge.process.robots["rex"].config
@@ -401,6 +447,10 @@ async def test_the_robots_of_a_worker_are_changed_by_starting_it_again(yard, run
         await field.until(lambda: "navigate" in field.place.words("leg"))
         refused = (await field.apply())["arm"]
         assert (refused.outcome, "leg is commanded" in refused.why) == (Outcome.REFUSED, True)
+        field.write("leg", limits={"speed": 40.0})
+        forced = (await field.apply(force=True))["leg"]
+        assert (forced.outcome, "not loosened" in forced.why) == (Outcome.REFUSED, True)
+        field.write("leg", limits=None)
         assert (await field.say("leg", {"command": "stop"})).ok
         await field.until(lambda: field.state("leg").activity == "")
         field.bus_session.put(keys.stop(field.place.id), b'["arm"]', urgent=True)

@@ -4,7 +4,7 @@ import os
 
 import pytest
 
-from fleet.host.edge.drop_in_watch import DropInWatch, WatchedFile
+from fleet.host.edge.drop_in_watch import FIRST, LONGEST, DropInWatch, WatchedFile
 
 
 class Desk:
@@ -72,6 +72,38 @@ async def test_a_file_that_is_refused_is_told_and_asked_again_after_the_next_sav
     desk.save("mended")
     await desk.looks(3)
     assert len(desk.asked) == 2
+
+
+async def test_a_worker_that_does_not_take_a_file_is_asked_again_ever_less_often(desk, caplog):
+    desk = desk(simulated=False)
+    desk.refuses = "arm is commanded; stop it first"
+    desk.save("two")
+    await desk.looks(FIRST + 2)
+    assert len(desk.asked) == 2
+    await desk.looks(FIRST)
+    assert len(desk.asked) == 2
+    desk.refuses = ""
+    await desk.looks(FIRST + 1)
+    assert len(desk.asked) == 3
+    assert caplog.text.count("arm is commanded") == 1
+    await desk.looks(LONGEST)
+    assert len(desk.asked) == 3, "it has taken it"
+
+
+async def test_an_ask_that_fails_does_not_end_the_watch(desk, caplog):
+    desk = desk(simulated=True)
+    ask = desk.watch._ask
+
+    async def fails(*_):
+        raise OSError("the bus is gone")
+
+    desk.watch._ask = fails
+    desk.save("two")
+    await desk.looks(3)
+    assert "could not be asked: OSError: the bus is gone" in caplog.text
+    desk.watch._ask = ask
+    await desk.looks(FIRST)
+    assert len(desk.asked) == 1
 
 
 async def test_a_file_that_is_gone_is_no_change(desk):

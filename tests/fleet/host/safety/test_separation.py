@@ -2,6 +2,7 @@
 
 import itertools
 
+import msgspec
 import pytest
 from hypothesis import assume, example, given
 from hypothesis import strategies as st
@@ -87,6 +88,14 @@ def test_what_is_admitted_of_a_velocity_never_leads_nearer_than_the_radii_or_tha
     course, theirs = robot.course(robot.asked.scaled(share)), other.stopping_way()
     here = apart((robot.at,), theirs)
     assert apart(course, theirs) >= min(needed(robot, other) + HELD, here) - 0.02
+
+
+@given(ROBOT, OTHER)
+def test_a_robot_that_turns_may_also_brake_straight_ahead_from_what_is_admitted(robot, other):
+    share = admitted(robot, robot.asked, other)
+    straight = msgspec.structs.replace(robot, turn=0.0).course(robot.asked.scaled(share))
+    theirs, least = other.stopping_way(), needed(robot, other) + HELD
+    assert apart(straight, theirs) >= min(least, apart((robot.at,), theirs)) - 1e-5
 
 
 @given(ROBOT, OTHER, VELOCITY)

@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from fleet.host.safety.source_policy import SourcePolicy
-from fleet.host.safety.stricter import as_strict_as_both, holds_alike, is_within
+from fleet.host.safety.stricter import as_strict_as_both, held_back, holds_alike, is_within, may_loosen
 from fleet.model.polygon import polygon_contains
 from fleet.robot_config import Accepts, AdapterConfig, BatteryPolicy, FenceConfig, Limits, Separation
 
@@ -52,6 +52,15 @@ def test_it_is_as_strict_as_the_old_and_nowhere_looser(old, new):
     both = as_strict_as_both(old, new, **OWN)
     for one in (old, new):
         assert no_looser(both, one)
+
+
+@given(configs, configs)
+def test_a_new_configuration_that_is_held_back_is_nowhere_looser_than_either(old, new):
+    kept = held_back(old, new, **OWN)
+    for one in (old, new):
+        assert no_looser(kept, one)
+    if not may_loosen(old, new):
+        assert holds_alike(kept, new, **OWN)
 
 
 def no_looser(both, one):

@@ -1,0 +1,127 @@
+"""Turns of the commands to one vehicle: one at a time, and what ends those that are not answered yet."""
+
+from __future__ import annotations
+
+import asyncio
+from collections import deque
+from collections.abc import Callable, Container
+from typing import Self
+
+from fleet import Refused
+from fleet_mavlink.messages import Ask, CommandAck
+from fleet_mavlink.motion_effect import Effect
+
+
+class Superseded(Refused):
+    """A command ended because something more urgent took over."""
+
+
+class Exchange:
+    """A command's turn, entered when it is the one under way: what came back for it.
+
+    ``yields``: it is nobody's wish, and gives its turn to whoever else wants it.
+    """
+
+    def __init__(self, turns: Turns, ask: Ask, *, effect: Effect = Effect.NONE, yields: bool = False) -> None:
+        self.yields = yields
+        self.command = ask.command
+        self.effect = effect
+        self.began = 0.0
+        self.acks: deque[CommandAck] = deque()
+        self.refusal: CommandAck | None = None
+        self.refused_at = 0.0
+        self.superseded = ""
+        self._news: asyncio.Future[None] | None = None  # while somebody waits
+        self._turns = turns
+
+    async def __aenter__(self) -> Self:
+        """Wait for our turn, and listen for answers before the command is sent; raises Refused."""
+        turns = self._turns
+        if not self.yields:
+            turns.end_yielding()
+        turns.waiting.add(self)
+        try:
+            await turns.lock.acquire()
+        finally:
+            turns.waiting.discard(self)
+        if self.superseded:
+            turns.lock.release()
+            self.require_wanted()
+        turns.current = self
+        self.began = turns.now()
+        return self
+
+    async def __aexit__(self, *_: object) -> None:
+        """Stop listening."""
+        self._turns.current = None
+        self._turns.lock.release()
+
+    def supersede(self, reason: str) -> None:
+        """End the exchange with this reason."""
+        self.superseded = reason
+        self.wake()
+
+    def take(self, ack: CommandAck) -> None:
+        """Take an answer."""
+        self.acks.append(ack)
+        self.wake()
+
+    def wake(self) -> None:
+        """Wake the waiting task."""
+        if self._news is not None and not self._news.done():
+            self._news.set_result(None)
+
+    async def next(self) -> CommandAck:
+        """Wait for an answer; raises Refused when something more urgent took over."""
+        while not self.acks and not self.superseded:
+            self._news = asyncio.get_running_loop().create_future()
+            await self._news
+        self.require_wanted()
+        return self.acks.popleft()
+
+    def require_wanted(self) -> None:
+        """Raise Refused when something more urgent took over."""
+        if self.superseded:
+            raise Superseded(f"superseded: {self.superseded}")
+
+
+class Turns:
+    """The command under way, and those that wait."""
+
+    def __init__(self, now: Callable[[], float]) -> None:
+        self.lock = asyncio.Lock()
+        self.current: Exchange | None = None
+        self.waiting: set[Exchange] = set()
+        self.now = now
+        self._halted = False  # by another thread, since ``end_halted``
+
+    def supersede(self, reason: str) -> None:
+        """End the current and the waiting commands with this reason, for a more urgent one."""
+        for exchange in self._all():
+            exchange.supersede(reason)
+
+    def end_yielding(self) -> None:
+        """End what gives its turn to others: nobody's command waits for an answer to it."""
+        for exchange in self._all():
+            if exchange.yields:
+                exchange.supersede("something else is asked")
+
+    def halt(self, effects: Container[Effect]) -> None:
+        """End the repetition of commands with these effects; from any thread, so nothing is woken yet."""
+        for exchange in self._all():
+            if exchange.effect in effects:
+                exchange.superseded = "the robot was halted"
+                self._halted = True
+
+    def end_halted(self) -> bool:
+        """Wake what was halted by another thread; return whether there was any."""
+        halted, self._halted = self._halted, False
+        for exchange in self._all() if halted else ():
+            if exchange.superseded:
+                exchange.wake()
+        return halted
+
+    def _all(self) -> tuple[Exchange, ...]:
+        """Return the command under way, and those that wait."""
+        current = self.current
+        return (*tuple(self.waiting), *((current,) if current else ()))
