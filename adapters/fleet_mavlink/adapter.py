@@ -36,10 +36,10 @@ from fleet_mavlink.redaction import SigningKeyRedaction
 from fleet_mavlink.session import GENTLE, VehicleSession
 from fleet_mavlink.signing import Signer, key_of
 from fleet_mavlink.sim.spec import SimSpec
+from fleet_mavlink.transition import TransitionCommands
 from fleet_mavlink.vehicle import Vehicle
 
 _SIMULATOR = "fleet_mavlink.sim"
-_LOWEST_TAKEOFF = 1.0  # m
 _Distance = Annotated[float, Range(-1000.0, 1000.0, "m")]  # the word says up or down, whatever the sign
 _Height = Annotated[float, Range(0.0, 10_000.0, "m above home")]  # the vehicle's ceiling is lower
 _TAKE_OVER = frozenset({"hover", "brake", "emergency_stop"})
@@ -60,8 +60,8 @@ def _replayed(config: Any, robot: Robot) -> MavlinkAdapter:
     return MavlinkAdapter(config, robot)
 
 
-class MavlinkAdapter(PayloadCommands, UpkeepCommands):
-    """A multirotor on ArduPilot or PX4, or a rover or boat on ArduPilot.
+class MavlinkAdapter(PayloadCommands, TransitionCommands, UpkeepCommands):
+    """A multirotor, plane or VTOL on ArduPilot or PX4, or a rover or boat on ArduPilot.
 
     Which of them it is decides what it takes of the vocabulary (``vocabulary``), and nothing else for who
     commands it. Other vehicles are watched and stopped.
@@ -164,9 +164,12 @@ class MavlinkAdapter(PayloadCommands, UpkeepCommands):
         flight, state = session.flight, session.vehicle.state
         require_connection(session.vehicle)
         require_has(session.vehicle, "takeoff")
-        wanted = min(self.config.takeoff_altitude, flight.ceiling) if altitude is None else altitude
-        if not _LOWEST_TAKEOFF <= wanted <= flight.ceiling:
-            raise Refused(f"{wanted:g} m is not {_LOWEST_TAKEOFF:g} to {flight.ceiling:g} m above home")
+        lowest = flight.flavour.lowest
+        wanted = (
+            min(max(self.config.takeoff_altitude, lowest), flight.ceiling) if altitude is None else altitude
+        )
+        if not lowest <= wanted <= flight.ceiling:
+            raise Refused(f"{wanted:g} m is not {lowest:g} to {flight.ceiling:g} m above home")
         height = state.relative_altitude
         flies = state.in_air and state.landed is not Landed.TAKEOFF and not session.comes_down
         if flies and (altitude is None or (height is not None and height >= wanted)):
@@ -178,19 +181,22 @@ class MavlinkAdapter(PayloadCommands, UpkeepCommands):
 
     @command("land", timeout=300.0, safe=True)
     async def land(self) -> AsyncIterator[Progress]:
-        """Land here and switch the motors off."""
+        """Land here and switch the motors off; a plane on ArduPilot by the landing that its mission has."""
         session = self._session
         require_has(session.vehicle, "land")
-        async for progress in session.flight.come_down(session.flight.flavour.land):
+        flavour = session.flight.flavour
+        async for progress in session.flight.come_down(flavour.land, flavour.land_command()):
             yield progress
 
     @command("return_to_home", timeout=600.0, safe=True)
     async def return_to_home(self) -> AsyncIterator[Progress]:
-        """Fly home, as the autopilot is set up to, and land; or drive home, and stand there."""
+        """Fly home, as the autopilot is set up to, and land; a plane circles there, a rover stands."""
         session = self._session
         flavour = session.flight.flavour
         comes = (
-            session.navigator.go_home() if flavour.surface else session.flight.come_down(flavour.return_home)
+            session.navigator.go_home()
+            if flavour.stays_at_home
+            else session.flight.come_down(flavour.return_home)
         )
         async for progress in comes:
             yield progress

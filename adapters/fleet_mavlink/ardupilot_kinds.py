@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import ClassVar
 
-from fleet_mavlink.constants import CUSTOM_MODE, VTOL_HOVERS, Cmd
+from fleet_mavlink.constants import CUSTOM_MODE, Cmd
 from fleet_mavlink.messages import CommandLong, EkfStatusReport
 from fleet_mavlink.payload_messages import EscTelemetry1To4, RawImu
 from fleet_mavlink.state import VehicleState
@@ -27,7 +27,7 @@ class ArduPilotKind(VehicleKind):
         """Return DO_SET_MODE with the mode's number."""
         return CommandLong(Cmd.DO_SET_MODE, param1=CUSTOM_MODE, param2=float(self.number_of(mode)))
 
-    def brakes(self, state: VehicleState) -> tuple[Brake, ...]:  # noqa: ARG002 - a plane's depend on it
+    def brakes(self, state: VehicleState) -> tuple[Brake, ...]:  # noqa: ARG002 - a QuadPlane's depend on it
         """Return the changes to the modes that brake it."""
         return tuple(Brake(mode, self.mode_command(mode)) for mode in self.braking)
 
@@ -39,50 +39,6 @@ class ArduPilotKind(VehicleKind):
         """Return the arming check and a usable position: the check alone passes too early in STABILIZE."""
         usable = self.position_usable(state, 0.0)
         return None if state.prearm_ok is None or usable is None else state.prearm_ok and usable
-
-
-class ArduPlane(ArduPilotKind):
-    """A plane circles. One that hovers keeps its place: LOITER would make it fly forward."""
-
-    modes: ClassVar[Mapping[int, str]] = {
-        0: "MANUAL",
-        1: "CIRCLE",
-        2: "STABILIZE",
-        3: "TRAINING",
-        4: "ACRO",
-        5: "FBWA",
-        6: "FBWB",
-        7: "CRUISE",
-        8: "AUTOTUNE",
-        10: "AUTO",
-        11: "RTL",
-        12: "LOITER",
-        13: "TAKEOFF",
-        14: "AVOID_ADSB",
-        15: "GUIDED",
-        16: "INITIALISING",
-        17: "QSTABILIZE",
-        18: "QHOVER",
-        19: "QLOITER",
-        20: "QLAND",
-        21: "QRTL",
-        22: "QAUTOTUNE",
-        23: "QACRO",
-        24: "THERMAL",
-        25: "LOITER2QLAND",
-        26: "AUTOLAND",
-    }
-    braking: ClassVar[tuple[str, ...]] = ("LOITER", "CIRCLE")
-    hovering: ClassVar[tuple[str, ...]] = ("QLOITER", "QLAND")
-
-    def brakes(self, state: VehicleState) -> tuple[Brake, ...]:
-        """Return what brakes it as it flies now."""
-        modes = self.hovering if self.stands(state) else self.braking
-        return tuple(Brake(mode, self.mode_command(mode)) for mode in modes)
-
-    def stands(self, state: VehicleState) -> bool:
-        """Return whether it hovers."""
-        return state.vtol_state in VTOL_HOVERS
 
 
 class ArduSub(ArduPilotKind):

@@ -6,6 +6,7 @@ from fleet import CommandError, NotReady, Refused, TimedOut
 from fleet_mavlink.commander import Commander
 from fleet_mavlink.flavour import arm_command
 from fleet_mavlink.messages import Ask
+from fleet_mavlink.motion_effect import Effect
 from fleet_mavlink.preconditions import require_heartbeat
 from fleet_mavlink.state import VehicleState
 from fleet_mavlink.turns import Superseded
@@ -74,7 +75,7 @@ class Brakes:
     async def _take(self, brake: Brake, kind: VehicleKind) -> None:
         """Send one brake command until its mode is shown."""
         if brake.mode:
-            await self._commander.enter(brake.mode, kind.mode_of, brake.ask)
+            await self._commander.enter(brake.mode, kind.mode_of, brake.ask, effect=Effect.NONE)
         else:
             await self._commander.ask(brake.ask, tries=2)
 

@@ -21,7 +21,7 @@ from fleet_mavlink.messages import (
     PositionTargetGlobalInt,
     SetPositionTargetGlobalInt,
 )
-from fleet_mavlink.motion_effect import Effect, effect_of, effect_of_change
+from fleet_mavlink.motion_effect import Effect, effect_of
 from fleet_mavlink.state import VehicleState
 from fleet_mavlink.texts import WARNING, Sentence
 from fleet_mavlink.turns import Exchange, Turns
@@ -124,13 +124,19 @@ class Commander:
         """Wait for a condition; False when it does not come true in time, or there is none."""
         return seen is not None and await self.vehicle.until(seen, seconds)
 
-    async def enter(self, mode: str, shows: Callable[[VehicleState], str], ask: Ask) -> None:
+    async def enter(
+        self,
+        mode: str,
+        shows: Callable[[VehicleState], str],
+        ask: Ask,
+        *,
+        effect: Effect = Effect.MOTION,
+    ) -> None:
         """Send a command until the vehicle's heartbeat shows the mode that it leads to.
 
         Acknowledgements only explain a failure: PX4 sends two, the first of which means nothing, and the
         second may be mistaken for that of the next command. Raises like ``ask``.
         """
-        effect = effect_of_change(mode, ask, self.vehicle.flavour, self.vehicle.state)
         async with Exchange(self.turns, ask, effect=effect) as exchange:
             already = shows(self.vehicle.state) == mode
             late = self.vehicle.now() - self._unanswered.get(ask.command, -math.inf) < _LATE

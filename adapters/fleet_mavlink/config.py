@@ -50,7 +50,7 @@ _TIMED = frozenset({"takeoff", "land", "return_to_home"})
 
 
 class MavlinkConfig(AdapterConfig):
-    """A multirotor on ArduPilot or PX4, a rover or boat on ArduPilot; others are watched and stopped."""
+    """A multirotor, plane or VTOL, or a rover or boat on ArduPilot; others are watched and stopped."""
 
     adapter: Literal["mavlink"]
     link: Annotated[str, AfterValidator(_checked_link)] = Field(
@@ -125,7 +125,7 @@ class MavlinkConfig(AdapterConfig):
     def plans(self) -> frozenset[str]:
         """Return for what a plan may be made: what a simulated vehicle is stands in its link."""
         if not self.simulated:
-            return frozenset({"ardupilot", "px4", "multirotor", "rover", "boat"})
+            return frozenset({"ardupilot", "px4", "multirotor", "rover", "boat", "plane", "vtol"})
         spec = SimSpec.parse(self.link)
         return frozenset({spec.flavour, spec.vehicle})
 

@@ -37,6 +37,20 @@ class ParameterRule(msgspec.Struct, frozen=True):
 
 
 _ROVER_ACTS = ParameterRule(("FS_GCS_ENABLE",), frozenset({1}), 1, "it drives on when the edge is lost")
+_PLANE_ACTS = (
+    ParameterRule(("FS_GCS_ENABL",), frozenset({1, 2, 3}), 1, "it flies on when the edge is lost"),
+    ParameterRule(("FS_LONG_ACTN",), frozenset({1}), 1, "it does not return when the edge is lost"),
+)
+"""A plane lands only where its mission has a landing, so it returns home in either case."""
+_PLANE_BATTERY = ParameterRule(
+    ("BATT_FS_LOW_ACT",), frozenset(range(1, 8)), 1, "it flies on with an empty battery"
+)
+_PLANE_RADIO = ParameterRule(
+    ("THR_FAILSAFE",), frozenset({1, 2}), 1, "it flies on when the remote control is lost"
+)
+_HOVERS_IN_GUIDED = ParameterRule(
+    ("Q_GUIDED_MODE",), frozenset({1}), 1, "a stop in its hover can only land it, and it is not moved"
+)
 _ON_LINK_LOSS: Mapping[str, Mapping[str, tuple[ParameterRule, ...]]] = {
     "ardupilot": {
         "return_to_home": (
@@ -58,6 +72,8 @@ _ON_LINK_LOSS: Mapping[str, Mapping[str, tuple[ParameterRule, ...]]] = {
             ParameterRule(("FS_ACTION",), frozenset({2}), 2, "it does not stop when the edge is lost"),
         ),
     },
+    "arduplane": dict.fromkeys(("return_to_home", "land"), _PLANE_ACTS),
+    "quadplane": dict.fromkeys(("return_to_home", "land"), _PLANE_ACTS),
     "px4": {
         "return_to_home": (
             ParameterRule(("NAV_DLL_ACT",), frozenset({2, 3}), 2, "it flies on when the edge is lost"),
@@ -74,6 +90,8 @@ _ON_RADIO_LOSS: Mapping[str, ParameterRule] = {
     "ardurover": ParameterRule(
         ("FS_THR_ENABLE",), frozenset({1, 2}), 1, "it drives on when the remote control is lost"
     ),
+    "arduplane": _PLANE_RADIO,
+    "quadplane": _PLANE_RADIO,
     "px4": ParameterRule(
         ("NAV_RCL_ACT",), frozenset({1, 2, 3}), 2, "it flies on when the remote control is lost"
     ),
@@ -87,6 +105,8 @@ _ALWAYS: Mapping[str, tuple[ParameterRule, ...]] = {
         ParameterRule(("BATT_FS_LOW_ACT",), frozenset(range(1, 6)), 2, "it drives on with an empty battery"),
         ParameterRule(("FS_EKF_ACTION",), frozenset({1}), 1, "it drives on without a position"),
     ),
+    "arduplane": (_PLANE_BATTERY,),
+    "quadplane": (_HOVERS_IN_GUIDED, _PLANE_BATTERY),
     "px4": (
         ParameterRule(("COM_LOW_BAT_ACT",), frozenset({2, 3}), 3, "it flies on with an empty battery"),
         ParameterRule(

@@ -11,14 +11,17 @@ import msgspec
 from fleet import GeoPoint, Vector3, Velocity, enu_yaw_from_heading, ned_from_enu, rotate_to_world
 from fleet_mavlink.constants import AUTOPILOT, FORCE, Cmd, Frame
 from fleet_mavlink.messages import (
+    Ask,
     CommandInt,
     CommandLong,
     MavlinkMessage,
     SetPositionTargetGlobalInt,
     SetPositionTargetLocalNed,
 )
+from fleet_mavlink.state import VehicleState
 from fleet_mavlink.texts import Sentence
 from fleet_mavlink.vehicle_kind import VehicleKind
+from fleet_mavlink.vocabulary import ONE_WAY
 
 VELOCITY_AND_YAW_RATE = 0x5C7  # type_mask: ignore everything except velocity and yaw rate
 
@@ -57,12 +60,35 @@ class Flavour(VehicleKind):
     surface: ClassVar[bool] = False  # moves on ground or water: has no height, stands when it is not moved
     rest: ClassVar[float] = 1.0  # s of zero velocity after which it is switched to its own hold
     tolerance: ClassVar[float] = 0.5  # m from a goal that counts as reached
-    lacking: ClassVar[Mapping[str, str]] = {}  # of the vocabulary, with the reason
+    lacking: ClassVar[Mapping[str, str]] = ONE_WAY  # of the vocabulary, with the reason
+    wings: ClassVar[bool] = False  # circles where it would stand: ``wings.Winged``
+    tries_brakes: ClassVar[bool] = False  # is stopped by the first of its brakes that it takes, not its hold
+    takeoff_height: ClassVar[str | None] = None  # parameter: m above home, where no take-off says another
+    speed_kind: ClassVar[float] = 1.0  # param1 of DO_CHANGE_SPEED: over ground
+    lowest: ClassVar[float] = 1.0  # m above home, lowest goal and take-off; only a landing goes below
+    checks_mission: ClassVar[float] = 0.0  # s in which a mission that was just sent may still be refused
+    mission_ends: ClassVar[tuple[str, ...]] = ()  # modes to which it goes by itself after a mission
+    passes: ClassVar[float] = 15.0  # m from a last place, within which it may take it for reached
+    transitions: ClassVar[Mapping[str, str]] = {}  # way to fly -> mode that leads to it; empty: a command
 
     @property
     def ours(self) -> frozenset[str]:
         """The modes in which nobody but us moves the vehicle."""
         return frozenset({self.external, self.hold, self.goto, self.arming, self.takeoff})
+
+    @property
+    def settings(self) -> tuple[str, ...]:
+        """The parameters by which it is moved, of those in ``state.SETTINGS``."""
+        return ()
+
+    @property
+    def stays_at_home(self) -> bool:
+        """Whether its way home does not end in a landing."""
+        return self.surface
+
+    def comes_down(self, state: VehicleState) -> bool:
+        """Return whether it shows that it lands, or flies home, by itself."""
+        return self.mode_of(state) in {self.land, self.return_home}
 
     @property
     def failsafe_table(self) -> str:
@@ -90,12 +116,16 @@ class Flavour(VehicleKind):
     def mode_command(self, mode: str) -> CommandLong:
         """Return the command that changes to a mode."""
 
+    def land_command(self) -> Ask:
+        """Return the command that lands; the ``land`` mode is then shown."""
+        return self.mode_command(self.land)
+
     @abstractmethod
-    def hold_command(self) -> CommandLong:
+    def hold_command(self, state: VehicleState) -> Ask:
         """Return the command that brakes at once and stays; the ``hold`` mode is then shown."""
 
     @abstractmethod
-    def takeoff_command(self, altitude: float, home_altitude: float) -> CommandLong:
+    def takeoff_command(self, altitude: float, home_altitude: float) -> Ask:
         """Return the command that climbs to ``altitude`` m above home (at ``home_altitude`` m AMSL)."""
 
     @abstractmethod

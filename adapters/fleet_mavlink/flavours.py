@@ -1,44 +1,51 @@
-"""Selects the flavour (what moves it) and the kind of a vehicle from its heartbeat."""
+"""Selects the flavour (what moves it) and the kind of a vehicle, from its heartbeat and its state."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 
 from fleet_mavlink.ardupilot import ArduCopter
-from fleet_mavlink.ardupilot_kinds import ArduBlimp, ArduPlane, ArduSub, ArduTracker
+from fleet_mavlink.ardupilot_kinds import ArduBlimp, ArduSub, ArduTracker
+from fleet_mavlink.ardupilot_plane import arduplane_of
 from fleet_mavlink.ardupilot_rover import ArduBoat, ArduRover
 from fleet_mavlink.constants import ARDUPILOT, MULTIROTORS, PX4, VTOLS
 from fleet_mavlink.flavour import Flavour
 from fleet_mavlink.messages import Heartbeat
 from fleet_mavlink.px4 import Px4
-from fleet_mavlink.px4_kinds import Px4Kind, Px4Plane
+from fleet_mavlink.px4_kinds import Px4Kind
+from fleet_mavlink.px4_plane import px4_plane_of
+from fleet_mavlink.state import VehicleState
 from fleet_mavlink.unknown_kind import UnknownKind
 from fleet_mavlink.vehicle_kind import VehicleKind
 
-_COPTER, _PX4, _PLANE, _PX4_PLANE = ArduCopter(), Px4(), ArduPlane(), Px4Plane()
+_COPTER, _PX4 = ArduCopter(), Px4()
 _UNKNOWN, _PX4_OTHER = UnknownKind(), Px4Kind()
+_UNTOLD = VehicleState()
 _WINGED = (1, *VTOLS)  # MAV_TYPE: planes
 _BY_TYPE: Mapping[int, Mapping[int, VehicleKind]] = {
     ARDUPILOT: {
         **dict.fromkeys(MULTIROTORS, _COPTER),
-        **dict.fromkeys(_WINGED, _PLANE),
         5: ArduTracker(),
         7: ArduBlimp(),
         10: ArduRover(),
         11: ArduBoat(),
         12: ArduSub(),
     },
-    PX4: {**dict.fromkeys(MULTIROTORS, _PX4), **dict.fromkeys((*_WINGED, 7), _PX4_PLANE)},
+    PX4: dict.fromkeys(MULTIROTORS, _PX4),
 }
 
 
-def kind_of(heartbeat: Heartbeat) -> VehicleKind:
-    """Return the kind of a vehicle; the unknown kind when its modes are not known here."""
+def kind_of(heartbeat: Heartbeat, state: VehicleState = _UNTOLD) -> VehicleKind:
+    """Return the kind of a vehicle, as it is now; the unknown kind when its modes are not known here."""
+    if heartbeat.type in _WINGED and heartbeat.autopilot == ARDUPILOT:
+        return arduplane_of(state)
+    if heartbeat.type in _WINGED and heartbeat.autopilot == PX4:
+        return px4_plane_of(heartbeat.type, state)
     otherwise = _PX4_OTHER if heartbeat.autopilot == PX4 else _UNKNOWN
     return _BY_TYPE.get(heartbeat.autopilot, {}).get(heartbeat.type, otherwise)
 
 
-def flavour_of(heartbeat: Heartbeat) -> Flavour | None:
-    """Return the flavour of a vehicle that is moved here, None for another."""
-    kind = kind_of(heartbeat)
+def flavour_of(heartbeat: Heartbeat, state: VehicleState = _UNTOLD) -> Flavour | None:
+    """Return the flavour of a vehicle that is moved here, as it is now; None for another."""
+    kind = kind_of(heartbeat, state)
     return kind if isinstance(kind, Flavour) else None

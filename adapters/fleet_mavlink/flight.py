@@ -25,6 +25,7 @@ from fleet_mavlink.commander import Commander
 from fleet_mavlink.constants import Cmd, Frame
 from fleet_mavlink.flavour import Flavour, arm_command
 from fleet_mavlink.messages import Ask, CommandInt, CommandLong, SetPositionTargetGlobalInt
+from fleet_mavlink.motion_effect import Effect, effect_of_descent
 from fleet_mavlink.preconditions import home_unknown, not_moved, require_connection, require_heartbeat
 from fleet_mavlink.state import VehicleState
 from fleet_mavlink.vehicle import Vehicle
@@ -35,7 +36,6 @@ _HOME_WITHIN = 4.0  # s; HOME_POSITION comes once a second
 _DEEPEST, _HIGHEST = -500.0, 9000.0  # m AMSL, plausible altitudes of a take-off
 FARTHEST = 100_000.0  # m; a goal beyond it is a mistake, such as a wrong unit or swapped coordinates
 _SAME_HOME = 2.0  # m
-LOWEST = 1.0  # m above home, lowest goal; only a landing goes below
 _SLOW = 0.5  # m/s that counts as standing
 
 
@@ -57,6 +57,8 @@ class Flight:
         self.commander = commander
         self.authority = authority
         self.ceiling = limits.altitude or math.inf
+        self.fastest = limits.speed
+        self.descent = ""  # the mode of the landing, or way home, that was begun last
         self._farthest = limits.distance or FARTHEST
         self.give_way = give_way
 
@@ -73,15 +75,18 @@ class Flight:
         """Return the name of the mode that a state shows."""
         return self.flavour.mode_of(state)
 
-    async def enter(self, mode: str, ask: Ask | None = None) -> None:
+    async def enter(self, mode: str, ask: Ask | None = None, *, effect: Effect = Effect.MOTION) -> None:
         """Change to a mode, by a command that leads to it or by the mode command; returns once it is shown.
 
+        ``effect`` decides whether a halt meanwhile ends the change: one mode may serve holds and motion.
         Allowed even while two vehicles use the same id, because a hold must always be possible.
         """
         require_heartbeat(self.vehicle)
         flavour = self.flavour
         with self.authority.asking(mode):
-            await self.commander.enter(mode, flavour.mode_of, ask or flavour.mode_command(mode))
+            change = ask or flavour.mode_command(mode)
+            await self.commander.enter(mode, flavour.mode_of, change, effect=effect)
+        self.descent = ""
 
     async def enter_external(self) -> None:
         """Change to the mode that obeys setpoints."""
@@ -89,7 +94,8 @@ class Flight:
 
     async def hold(self) -> None:
         """Brake and stay; returns once the holding mode is shown."""
-        await self.enter(self.flavour.hold, self.flavour.hold_command())
+        command = self.flavour.hold_command(self.vehicle.state)
+        await self.enter(self.flavour.hold, command, effect=Effect.NONE)
 
     async def hold_if_ours(self) -> None:
         """Hold after a failure, unless somebody else has the vehicle or it cannot be reached.
@@ -144,21 +150,26 @@ class Flight:
             with suppress(CommandError):
                 await self._arming(arm=False, force=False)
 
-    async def come_down(self, mode: str) -> AsyncIterator[Progress]:
-        """Land or return home by a mode of the autopilot; ends on the ground with the motors off."""
+    async def come_down(self, mode: str, ask: Ask | None = None) -> AsyncIterator[Progress]:
+        """Land or return home by a mode of the autopilot; ends on the ground with the motors off.
+
+        ``ask``: the command that leads to the mode, where it is not the mode command.
+        """
         require_connection(self.vehicle)
         start = height_of(self.vehicle.state)
         if not self.vehicle.state.armed:
             yield Progress(100.0, "on the ground")
             return
         self.give_way(self.flavour, mode)
-        await self.enter(mode)
+        await self.enter(mode, ask, effect=effect_of_descent(self.flavour))
+        self.descent = mode
         percent = 0.0
         while not await self.vehicle.until(lambda state: not state.armed, _POLL):
             height = height_of(self.vehicle.state)
             self.check(mode)
             percent = max(percent, min(99.0, 100 * (1 - height / max(start, 1.0))))
             yield Progress(percent, f"at {height:.1f} m")
+        self.descent = ""
         yield Progress(100.0, "on the ground")
 
     async def go(self, to: GeoPoint, speed: float, heading: float, *, backwards: bool = False) -> None:
@@ -198,17 +209,18 @@ class Flight:
         height = altitude - home
         if not height <= self.ceiling:
             raise Refused(f"{height:.1f} m above home is over the limit of {self.ceiling:g} m")
-        if height < LOWEST:
+        lowest = self.flavour.lowest
+        if height < lowest:
             raise Refused(
-                f"{height:.1f} m above home is below {LOWEST:g} m", hint="use land, or check the origin"
+                f"{height:.1f} m above home is below {lowest:g} m", hint="use land, or check the origin"
             )
 
-    def require_distance(self, point: GeoPoint) -> None:
-        """Raise unless a place is within the distance limit from home, and within ``FARTHEST``."""
+    def require_distance(self, point: GeoPoint, around: float = 0.0) -> None:
+        """Raise unless a place, and ``around`` m around it, is within the distance limit from home."""
         home = self.vehicle.state.home
         if home is None:
             raise home_unknown()
-        away = world_from_geo(GeoOrigin(home.latitude, home.longitude), point).horizontal()
+        away = world_from_geo(GeoOrigin(home.latitude, home.longitude), point).horizontal() + around
         if away > self._farthest:
             raise Refused(f"{away:.0f} m from home is beyond the limit of {self._farthest:g} m")
 

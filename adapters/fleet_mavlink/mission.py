@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import math
 from collections.abc import AsyncIterator, Mapping, Sequence
 
@@ -26,14 +27,14 @@ from fleet_mavlink.mission_messages import MissionItemInt
 from fleet_mavlink.plans import Plans, PlanType
 from fleet_mavlink.preconditions import home_unknown, require_control
 from fleet_mavlink.takeoff import TakeOff
+from fleet_mavlink.turns import Superseded
+from fleet_mavlink.wings import Winged
 
 _LOOK = 0.5  # s
 _LOWEST_TAKEOFF = 2.5  # m
 _ELSEWHERE = 1000.0  # m between planned and real home; beyond it the plan was made for another place
 _OTHER_GROUND = 50.0  # m, the same for their altitudes
-_GROUND_SPEED = 1.0  # param1 of DO_CHANGE_SPEED
 _CLOSE = 2.0  # m
-_THERE = 15.0  # m from the last place, within which PX4 takes it for reached (10 m) and goes on to hold
 
 _COMMANDS: Mapping[str, Cmd] = {
     "waypoint": Cmd.NAV_WAYPOINT,
@@ -56,28 +57,33 @@ class MissionPlan(msgspec.Struct, frozen=True):
     steps: tuple[int, ...]
 
 
-def plan_of(mission: FlyMission, flavour: Flavour, home: GeoPoint, fastest: float) -> MissionPlan:
-    """Return the items of a mission; ``home`` with its altitude AMSL, ``fastest`` in m/s."""
+def plan_of(
+    mission: FlyMission, flavour: Flavour, home: GeoPoint, fastest: float, first: float = math.inf
+) -> MissionPlan:
+    """Return the items of a mission; ``home`` with its altitude AMSL, ``fastest`` in m/s.
+
+    ``first``: the speed of an item that has none, where no other is asked for.
+    """
     items: list[MissionItemInt] = []
     steps: list[int] = []
     if flavour.home_is_first:
         items.append(_placed(MissionItemInt(0, 0, 0, Frame.GLOBAL, Cmd.NAV_WAYPOINT), home))
         steps.append(0)
-    speed = min(fastest, mission.constraints.max_speed or math.inf)
+    speed = min(fastest, mission.constraints.max_speed or first)
     for step, item in enumerate(mission.items):
         wanted = speed if item.speed is None else min(fastest, item.speed)
         if math.isfinite(wanted) and (item.speed is not None or step == 0):
-            items.append(_speed(wanted))
+            items.append(_speed(wanted, flavour))
             steps.append(step)
         items.append(_item(item, flavour, above_sea=mission.above_sea))
         steps.append(step)
     return MissionPlan(tuple(items), tuple(steps))
 
 
-def _speed(speed: float) -> MissionItemInt:
+def _speed(speed: float, flavour: Flavour) -> MissionItemInt:
     """Return the item that sets the speed from here on."""
     return MissionItemInt(
-        0, 0, 0, Frame.MISSION, Cmd.DO_CHANGE_SPEED, param1=_GROUND_SPEED, param2=speed, param3=-1.0
+        0, 0, 0, Frame.MISSION, Cmd.DO_CHANGE_SPEED, param1=flavour.speed_kind, param2=speed, param3=-1.0
     )
 
 
@@ -135,7 +141,7 @@ class MissionPilot:
         require_control(self._vehicle, self._flight.authority)
         flavour = self._flight.flavour
         home = self._home(mission)
-        plan = plan_of(mission, flavour, home, self._limits.speed or math.inf)
+        plan = plan_of(mission, flavour, home, *self._speeds(mission))
         for item in mission.items:
             self._require_reachable(item, mission, home)
         surface = flavour.surface
@@ -151,7 +157,7 @@ class MissionPilot:
         elif not self._vehicle.state.in_air:
             height = next(item.point.altitude for item in mission.items if item.point)
             height -= home.altitude if mission.above_sea else 0.0
-            async for progress in self._takeoff.climb(max(_LOWEST_TAKEOFF, height)):
+            async for progress in self._takeoff.climb(max(_LOWEST_TAKEOFF, flavour.lowest, height)):
                 yield Progress(0.0, progress.message)
         try:
             async for progress in self._watch(mission, plan):
@@ -159,6 +165,15 @@ class MissionPilot:
         except CommandError:
             await self._flight.hold_if_ours()
             raise
+
+    def _speeds(self, mission: FlyMission) -> tuple[float, float]:
+        """Return the fastest speed, and the first where none is asked for; raises as ``Winged.airspeed``."""
+        limit, flavour, state = self._limits.speed, self._flight.flavour, self._vehicle.state
+        if not isinstance(flavour, Winged):
+            return limit or math.inf, math.inf
+        for wanted in (mission.constraints.max_speed, *(item.speed for item in mission.items)):
+            flavour.airspeed(state, limit, wanted)
+        return flavour.airspeed(state, limit, math.inf), flavour.airspeed(state, limit, None)
 
     async def clear(self) -> None:
         """Delete the autopilot's mission; raises Refused while ArduPilot flies it."""
@@ -181,17 +196,18 @@ class MissionPilot:
         Only messages after the start count: before it both autopilots still report the previous mission.
         """
         flight, flavour = self._flight, self._flight.flavour
-        # A rover that has returned stays armed, and in its mission.
-        returns = mission.items[-1].kind == "return_to_launch" and not flavour.surface
-        ends = (flavour.return_home,) if returns else (flavour.hold,)
+        # A rover that has returned stays armed, and in its mission; a plane circles over its home.
+        home_last = mission.items[-1].kind == "return_to_launch"
+        returns = home_last and not flavour.stays_at_home
+        circles = home_last and flavour.wings and not returns
+        ends = (flavour.return_home,) if returns or circles else (flavour.hold, *flavour.mission_ends)
         self._flight.give_way(flavour, flavour.mission)
         if flavour.rewind is not None and not mission.resumed:
             await flight.commander.ask(flavour.rewind)
         before = self._vehicle.state.mission_reached if flavour.repeats_reached else None
         watch = _Progress(plan, len(mission.items), before)
         with self._vehicle.hearing(*_TOLD) as heard:
-            start = None if mission.resumed else CommandLong(Cmd.MISSION_START)
-            await flight.enter(flavour.mission, start)
+            await self._start(flavour, resumed=mission.resumed)
             while not self._is_over(mission, watch, returns=returns):
                 watch.see(await heard.next(_LOOK))
                 may_end = self._may_end(mission, watch, returns=returns)
@@ -200,8 +216,24 @@ class MissionPilot:
                 if not (returns and not self._vehicle.state.armed):
                     flight.check(flavour.mission, *(ends if may_end else ()))
                 yield watch.progress()
-        if not returns:
+        if not returns and not circles:
             await flight.hold()
+
+    async def _start(self, flavour: Flavour, *, resumed: bool) -> None:
+        """Start, or go on; asked again while the autopilot may not have checked the mission yet."""
+        flight, vehicle = self._flight, self._vehicle
+        by = vehicle.now() + flavour.checks_mission
+        while True:
+            try:
+                await flight.enter(flavour.mission, None if resumed else CommandLong(Cmd.MISSION_START))
+            except Superseded:
+                raise
+            except Refused:
+                if resumed or vehicle.now() >= by:
+                    raise
+                await asyncio.sleep(_LOOK)
+            else:
+                return
 
     def _is_over(self, mission: FlyMission, watch: _Progress, *, returns: bool) -> bool:
         """Return whether the mission has ended: on the ground, at its last place, or with its last item."""
@@ -210,9 +242,12 @@ class MissionPilot:
             return watch.on_last and not state.armed
         if mission.items[-1].kind == "loiter_unlimited":
             point = mission.items[-1].point
-            near = _CLOSE + (mission.items[-1].radius or 0.0)
+            near = self._around + (mission.items[-1].radius or 0.0)
             return watch.on_last and point is not None and self._away(point) <= near
-        held = self._flight.mode(state) == self._flight.flavour.hold
+        flavour, mode = self._flight.flavour, self._flight.mode(state)
+        if mission.items[-1].kind == "return_to_launch" and flavour.wings:
+            return watch.on_last and mode == flavour.return_home
+        held = mode == flavour.hold
         return self._may_end(mission, watch, returns=returns) and (watch.finished or held)
 
     def _may_end(self, mission: FlyMission, watch: _Progress, *, returns: bool) -> bool:
@@ -220,7 +255,14 @@ class MissionPilot:
         last = mission.items[-1]
         if returns or last.point is None:
             return watch.on_last
-        return watch.on_last and self._away(last.point) <= _THERE + (last.tolerance or last.radius or 0.0)
+        near = self._flight.flavour.passes + (last.tolerance or last.radius or 0.0)
+        return watch.on_last and self._away(last.point) <= near
+
+    @property
+    def _around(self) -> float:
+        """How far from a place it stays that it was told to stay at, m."""
+        flavour = self._flight.flavour
+        return flavour.reach(self._vehicle.state) if isinstance(flavour, Winged) else _CLOSE
 
     def _away(self, point: GeoPoint) -> float:
         """Return metres over ground to a place, infinite while the position is unknown."""

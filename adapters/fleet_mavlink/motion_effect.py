@@ -6,8 +6,7 @@ import enum
 
 from fleet_mavlink.constants import Cmd
 from fleet_mavlink.flavour import Flavour
-from fleet_mavlink.messages import Ask, CommandInt
-from fleet_mavlink.state import VehicleState
+from fleet_mavlink.messages import Ask
 
 
 class Effect(enum.Enum):
@@ -29,6 +28,7 @@ _STARTING = frozenset(
         Cmd.DO_CHANGE_SPEED,
         Cmd.DO_SET_REVERSE,
         Cmd.DO_SET_MISSION_CURRENT,
+        Cmd.DO_VTOL_TRANSITION,
     }
 )
 """Commands of a start that lead to no mode of their own: motion follows them."""
@@ -40,17 +40,6 @@ def effect_of(ask: Ask) -> Effect:
     return Effect.MOTION if ask.command in _STARTING and not disarms else Effect.NONE
 
 
-def effect_of_change(mode: str, ask: Ask, flavour: Flavour | None, state: VehicleState) -> Effect:
-    """Return the effect of a command that leads to ``mode``; a vehicle without a flavour is only braked.
-
-    A place is motion whatever the mode: PX4 shows the mode of its hold on the way to a place.
-    """
-    if flavour is None:
-        return Effect.NONE
-    if isinstance(ask, CommandInt):
-        return Effect.MOTION
-    if mode == flavour.hold or any(mode == brake.mode for brake in flavour.brakes(state)):
-        return Effect.NONE
-    if not flavour.surface and mode in {flavour.land, flavour.return_home}:
-        return Effect.COMING_DOWN
-    return Effect.MOTION
+def effect_of_descent(flavour: Flavour) -> Effect:
+    """Return the effect of a landing or a way home: what drives home is safer where it stands."""
+    return Effect.MOTION if flavour.surface else Effect.COMING_DOWN

@@ -22,6 +22,7 @@ from fleet import (
     Refused,
     RelativeMove,
     TimedOut,
+    Unsupported,
     Vector3,
     geo_from_world,
     heading_from_enu_yaw,
@@ -31,6 +32,7 @@ from fleet import (
 )
 from fleet_mavlink.flight import FARTHEST, Flight, is_standing
 from fleet_mavlink.frames import pose_of
+from fleet_mavlink.motion_effect import effect_of_descent
 from fleet_mavlink.preconditions import (
     home_unknown,
     known_heading,
@@ -41,6 +43,8 @@ from fleet_mavlink.preconditions import (
 )
 from fleet_mavlink.state import VehicleState
 from fleet_mavlink.takeoff import TakeOff
+from fleet_mavlink.vocabulary import ON_WINGS
+from fleet_mavlink.wings import Winged
 
 _YAW_TOLERANCE = 0.2  # rad
 _POLL = 0.5  # s between checks
@@ -57,13 +61,15 @@ Way = GoTo | FollowPath | RelativeMove
 class NavigationTarget(msgspec.Struct, frozen=True):
     """One goal made concrete: altitude AMSL, ``heading`` radians from north (None: kept), ``wait`` s.
 
-    ``backwards``: a vehicle that moves along its nose drives there in reverse.
+    ``backwards``: a vehicle that moves along its nose drives there in reverse. ``level``: the height does not
+    count.
     """
 
     point: GeoPoint
     heading: float | None
     wait: float
     backwards: bool = False
+    level: bool = False
 
 
 def targets_of(task: Way, state: VehicleState, origin: GeoOrigin) -> tuple[NavigationTarget, ...]:
@@ -126,6 +132,15 @@ def _require_along(task: Way) -> None:
         raise Refused("it moves along its nose, ahead or back, and not sideways", hint="send a goal")
 
 
+def _require_circled(task: Way) -> None:
+    """Raise for what takes more than circles about places."""
+    if isinstance(task, RelativeMove):
+        raise Unsupported(ON_WINGS)
+    goals = (task.goal,) if isinstance(task, GoTo) else task.goals
+    if any(goal.yaw is not None for goal in goals):
+        raise Refused("it circles a goal: it cannot turn to a yaw there", hint="leave the yaw out")
+
+
 class _Course:
     """Progress of a task: metres left of the whole path."""
 
@@ -174,12 +189,14 @@ class AutopilotNavigator:
         here = known_position(self._vehicle)
         if self._flight.flavour.surface:
             _require_along(task)
+        if self._flight.flavour.wings:
+            _require_circled(task)
         targets = targets_of(task, self._vehicle.state, origin)
         async for progress in self._fly_all(targets, here, task.constraints):
             yield progress
 
     async def go_home(self) -> AsyncIterator[Progress]:
-        """Drive home by the autopilot's own mode, and stand there armed; for what moves on the surface."""
+        """Go home by the autopilot's own mode, and stand or circle there; for what does not land at home."""
         flight, vehicle = self._flight, self._vehicle
         require_connection(vehicle)
         home, flavour = vehicle.state.home, flight.flavour
@@ -187,10 +204,10 @@ class AutopilotNavigator:
             raise not_armed()
         if home is None:
             raise home_unknown()
-        target = NavigationTarget(home, None, 0.0)
+        target = NavigationTarget(home, None, 0.0, level=True)
         course = _Course(known_position(vehicle), (target,))
         flight.give_way(flavour, flavour.return_home)
-        await flight.enter(flavour.return_home)
+        await flight.enter(flavour.return_home, effect=effect_of_descent(flavour))
         yield course.progress(0, self._left(target), "on the way home")
         async for blocked in self._until(target, flavour.tolerance, flavour.return_home, turned=False):
             yield course.progress(0, self._left(target), "on the way home", blocked=blocked)
@@ -209,6 +226,7 @@ class AutopilotNavigator:
         """Check every target, then fly to each in turn; holds after a failure."""
         for target in targets:
             self._require_reachable(target)
+        self._speed(constraints)  # raises for one that it cannot fly at
         course = _Course(here, targets)
         nose = known_heading(self._vehicle)
         try:
@@ -231,10 +249,13 @@ class AutopilotNavigator:
     def _require_reachable(self, target: NavigationTarget) -> None:
         """Raise Refused for a target beyond the limits."""
         self._flight.require_altitude(target.point.altitude)
-        self._flight.require_distance(target.point)
+        self._flight.require_distance(target.point, self._reach)
 
     def _speed(self, constraints: Constraints) -> float:
-        """Return the speed to fly at: what was asked, within the limit."""
+        """Return the speed to fly at: what was asked, within the limit; raises as ``Winged.airspeed``."""
+        flavour = self._flight.flavour
+        if isinstance(flavour, Winged):
+            return flavour.airspeed(self._vehicle.state, self._limits.speed, constraints.max_speed)
         limit = self._limits.speed or math.inf
         return max(_SLOWEST, min(limit, constraints.max_speed or limit))
 
@@ -244,7 +265,8 @@ class AutopilotNavigator:
         """Fly to one target with the nose at ``nose``, radians from north, and wait there."""
         flight = self._flight
         goto = flight.flavour.goto
-        tolerance = constraints.tolerance or flight.flavour.tolerance
+        own = flight.flavour.tolerance
+        tolerance = own if flight.flavour.wings else constraints.tolerance or own
         await flight.go(target.point, self._speed(constraints), nose, backwards=target.backwards)
         yield course.progress(leg, self._left(target), "on the way")
         async for blocked in self._until(target, tolerance, goto, turned=False):
@@ -263,7 +285,8 @@ class AutopilotNavigator:
         def there(state: VehicleState) -> bool:
             if turned:
                 return _turn_left(target, state) <= _YAW_TOLERANCE
-            return self._left(target) <= tolerance and is_standing(state)
+            stands = self._flight.flavour.wings or is_standing(state)
+            return self._left(target) <= tolerance and stands
 
         watch = _Watch(self._vehicle.now())
         while not await self._vehicle.until(there, _POLL):
@@ -275,13 +298,19 @@ class AutopilotNavigator:
             yield stuck > _STUCK_AFTER
 
     def _left(self, target: NavigationTarget) -> float:
-        """Return metres to a target, infinite while the position is unknown."""
+        """Return metres to a target, or to the circle about it; infinite while the position is unknown."""
         state = self._vehicle.state
         if state.position is None:
             return math.inf
-        if state.on_the_surface:
-            return _offset(state.position, target.point).horizontal()
-        return _distance(state.position, target.point)
+        offset = _offset(state.position, target.point)
+        flat = max(0.0, offset.horizontal() - self._reach)
+        return flat if state.on_the_surface or target.level else math.hypot(flat, offset.z)
+
+    @property
+    def _reach(self) -> float:
+        """How far from a place it is still said to be there, because it circles it; m."""
+        flavour = self._flight.flavour
+        return flavour.reach(self._vehicle.state) if isinstance(flavour, Winged) else 0.0
 
 
 def _turn_left(target: NavigationTarget, state: VehicleState) -> float:

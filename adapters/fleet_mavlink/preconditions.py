@@ -64,7 +64,7 @@ def not_moved(vehicle: Vehicle) -> Unsupported:
 
 def require_has(vehicle: Vehicle, name: str) -> None:
     """Raise Unsupported for what this vehicle does not have of the vocabulary."""
-    if reason := lacking_of(vehicle.state.heartbeat).get(name):
+    if reason := lacking_of(vehicle.state).get(name):
         raise Unsupported(reason)
 
 

@@ -33,6 +33,7 @@ class Px4(Px4Kind, Flavour):
     mission: ClassVar[str] = "AUTO.MISSION"
     home_is_first: ClassVar[bool] = False
     rewind: ClassVar[CommandLong | None] = None
+    checks_mission: ClassVar[float] = 2.0
     repeats_reached: ClassVar[bool] = True
     unset: ClassVar[float] = NAN
     lead_in: ClassVar[float] = 0.3

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import ClassVar
 
-from fleet_mavlink.constants import CUSTOM_MODE, NAN, VTOL_HOVERS, Cmd
+from fleet_mavlink.constants import CUSTOM_MODE, NAN, Cmd
 from fleet_mavlink.messages import CommandLong, EstimatorStatus
 from fleet_mavlink.payload_messages import HighresImu
 from fleet_mavlink.state import VehicleState
@@ -56,7 +56,7 @@ class Px4Kind(VehicleKind):
             param3=float(number >> 24 & 0xFF),
         )
 
-    def hold_command(self) -> CommandLong:
+    def hold_command(self, state: VehicleState) -> CommandLong:  # noqa: ARG002 - wherever it is
         """Return DO_REPOSITION without a position: it also ends a flight to a place, which has that mode."""
         return CommandLong(
             Cmd.DO_REPOSITION,
@@ -68,9 +68,9 @@ class Px4Kind(VehicleKind):
             param7=NAN,
         )
 
-    def brakes(self, state: VehicleState) -> tuple[Brake, ...]:  # noqa: ARG002 - always the same
+    def brakes(self, state: VehicleState) -> tuple[Brake, ...]:
         """Return the hold here."""
-        return (Brake(_HOLD, self.hold_command()),)
+        return (Brake(_HOLD, self.hold_command(state)),)
 
     def position_usable(self, state: VehicleState, now: float) -> bool | None:
         """Return True when positions arrive and their flags are good: PX4 reports lost positions, too."""
@@ -79,13 +79,3 @@ class Px4Kind(VehicleKind):
     def ready_to_arm(self, state: VehicleState) -> bool | None:
         """Return the arming check, once home is known."""
         return None if state.prearm_ok is None else state.prearm_ok and state.home is not None
-
-
-class Px4Plane(Px4Kind):
-    """A plane circles; a VTOL stands while it hovers."""
-
-    may_be_disarmed: ClassVar[bool] = False
-
-    def stands(self, state: VehicleState) -> bool:
-        """Return whether it hovers."""
-        return state.vtol_state in VTOL_HOVERS

@@ -52,6 +52,7 @@ from fleet_mavlink.texts import Sentence
 from fleet_mavlink.turns import Superseded
 from fleet_mavlink.vehicle import Vehicle, lacking_of
 from fleet_mavlink.velocity_stream import PERIOD, VelocityStream
+from fleet_mavlink.wing_settings import WingSettings
 
 GENTLE = "stop"  # the reason of a plain stop, which ends a burst of velocities
 _STANDS_WITHIN = 3.0  # s
@@ -145,6 +146,7 @@ class VehicleSession:
         self._reporter.begin()
         keepers = [self.streams.keep(), self.failsafes.keep(), EventKeeper(self.vehicle).keep()]
         keepers.append(Steering(self.vehicle, self.parameters).keep())
+        keepers.append(WingSettings(self.vehicle, self.parameters).keep())
         if self.fence:
             keepers.append(self.fence.keep())
         work = [asyncio.ensure_future(each) for each in (*losses, *keepers)]
@@ -166,7 +168,7 @@ class VehicleSession:
         state, flavour = self.vehicle.state, self.vehicle.flavour
         if flavour is None or flavour.surface:
             return False
-        return flavour.mode_of(state) in {flavour.land, flavour.return_home}
+        return flavour.comes_down(state) or flavour.mode_of(state) == self.flight.descent
 
     @property
     def is_ours_to_stop(self) -> bool:
@@ -211,7 +213,7 @@ class VehicleSession:
         flavour = self.vehicle.flavour
         if flavour is None:
             await self.brakes.brake()
-        elif flavour.surface:
+        elif flavour.surface or (flavour.tries_brakes and self.vehicle.state.armed):
             with self.authority.asking(*(brake.mode for brake in flavour.brakes(self.vehicle.state))):
                 await self.brakes.brake()
         elif self.vehicle.state.armed:
@@ -251,14 +253,14 @@ class VehicleSession:
         if not state.armed or (self.authority.lost_to and not takes_over):
             return
         messages: list[MavlinkMessage] = []
-        if flavour.mode_of(state) == flavour.external:
+        if flavour.mode_of(state) == flavour.external and not flavour.tries_brakes:
             messages.append(ned_setpoint(Vector3(), 0.0, self.vehicle.system))
         # Zero alone is not enough: PX4 descends when the setpoints of a stuck process end.
         if self.vehicle.connected:
             pending = self.commander.turns.current
             goes_on = pending is not None and not pending.superseded  # a landing: its mode is still to come
             (self.authority.expect_also if goes_on else self.authority.expect)(flavour.hold)
-            messages.append(self.commander.addressed(flavour.hold_command()))
+            messages.append(self.commander.addressed(flavour.hold_command(state)))
         self._hub.send_from_any_thread(messages, self.vehicle)
 
     async def setup_signing(self) -> None:
@@ -347,7 +349,7 @@ class VehicleSession:
         """Check whether somebody else changed the mode, and whether the vehicle is back."""
         vehicle = self.vehicle
         self._see_cause()
-        lacking = lacking_of(vehicle.state.heartbeat)
+        lacking = lacking_of(vehicle.state)
         if lacking != self._lacking:
             self._lacking = lacking
             self._robot.lacks(lacking)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import struct
 from collections.abc import Callable, Mapping
 from typing import Any
 
@@ -36,6 +37,7 @@ from fleet_mavlink.messages import (
 )
 from fleet_mavlink.onboard_sensors import CHANGES as CARRIED
 from fleet_mavlink.onboard_sensors import OnboardSensors, reduce_sensors
+from fleet_mavlink.transfer_messages import ParamValue
 
 SILENCE = 3.0  # s without a heartbeat after which the vehicle counts as gone
 _BEATS_TO_RETURN = 2
@@ -48,6 +50,21 @@ _UNKNOWN_16 = 65535
 _LANDED = {int(each): each for each in Landed}
 _UNDEFINED, _ON_GROUND = Landed.UNDEFINED, Landed.ON_GROUND  # lookups on an enumeration are slow
 _CHARGING = 7  # MAV_BATTERY_CHARGE_STATE
+SETTINGS = frozenset(
+    {
+        "AIRSPEED_CRUISE",
+        "AIRSPEED_MAX",
+        "AIRSPEED_MIN",
+        "FW_AIRSPD_MAX",
+        "FW_AIRSPD_MIN",
+        "FW_AIRSPD_TRIM",
+        "NAV_LOITER_RAD",
+        "Q_GUIDED_MODE",
+        "TKOFF_ALT",
+        "WP_LOITER_RAD",
+    }
+)
+"""The parameters by which wings are moved; they are taken whoever asks for them, or sets them."""
 _AIRBORNE = 0.5  # m above home, where the autopilot does not say whether it flies
 
 
@@ -111,6 +128,7 @@ class VehicleState(msgspec.Struct, frozen=True):
     mission_total: int | None = None
     mission_reached: int | None = None
     sensors: OnboardSensors = OnboardSensors()
+    settings: Mapping[str, float] = {}  # the parameters of ``SETTINGS`` that it has told
 
     @property
     def armed(self) -> bool:
@@ -343,6 +361,14 @@ def _mission(_state: VehicleState, message: MissionCurrent, _now: float) -> dict
     return {"mission_current": message.seq, "mission_total": total}
 
 
+def _setting(state: VehicleState, message: ParamValue, _now: float) -> dict[str, object]:
+    """Take a parameter that decides how it is moved; none of them is an integer on PX4."""
+    if message.param_id not in SETTINGS:
+        return {}
+    (value,) = struct.unpack("<f", struct.pack("<I", message.param_value))
+    return {"settings": {**state.settings, message.param_id: value}} if math.isfinite(value) else {}
+
+
 _CHANGES: Mapping[type[MavlinkMessage], Callable[[VehicleState, Any, float], dict[str, object]]] = {
     Attitude: _attitude,
     BatteryStatus: _battery_status,
@@ -354,6 +380,7 @@ _CHANGES: Mapping[type[MavlinkMessage], Callable[[VehicleState, Any, float], dic
     Heartbeat: _heartbeat,
     HomePosition: _home,
     MissionCurrent: _mission,
+    ParamValue: _setting,
     MissionItemReached: lambda _state, message, _now: {"mission_reached": message.seq},
     SysStatus: _sys_status,
     SystemTime: lambda _state, _message, _now: {},

@@ -6,10 +6,12 @@ from collections.abc import AsyncIterator
 
 from fleet import CommandError, Fault, GeoPoint, Progress, Refused, TimedOut
 from fleet_mavlink.constants import Landed
-from fleet_mavlink.flight import LOWEST, Flight, height_of, is_standing
+from fleet_mavlink.flight import Flight, height_of, is_standing
 from fleet_mavlink.parameters import Parameters
 from fleet_mavlink.preconditions import known_heading, known_position, require_control
 from fleet_mavlink.state import VehicleState
+from fleet_mavlink.winged_takeoff import WingedTakeOff
+from fleet_mavlink.wings import Winged
 
 _ATTEMPTS = 3  # the motors may be switched off under the first, when a landing ends meanwhile
 _BEGUN_WITHIN = 3.0  # s; the heartbeat that shows it comes once a second
@@ -47,7 +49,12 @@ class TakeOff:
                 await self._flight.hold()
                 yield Progress(100.0, "in the air already; a take-off never descends")
                 return
-            async for progress in self._try(altitude):
+            flavour = self._flight.flavour
+            if isinstance(flavour, Winged):
+                climb = WingedTakeOff(self._flight, flavour, altitude).climb()
+            else:
+                climb = self._try(altitude)
+            async for progress in climb:
                 yield progress
         finally:
             self.under_way = False
@@ -207,7 +214,7 @@ class _Attempt:
         """Fly to the height above this place; a height at a limit stays a little within it."""
         vehicle, flight = self._vehicle, self._flight
         here = known_position(vehicle)
-        height = min(max(self._altitude, LOWEST + _WITHIN), flight.ceiling - _WITHIN)
+        height = min(max(self._altitude, flight.flavour.lowest + _WITHIN), flight.ceiling - _WITHIN)
         above = GeoPoint(here.latitude, here.longitude, await flight.home_altitude() + height)
         await flight.go(above, _CORRECTS_AT, known_heading(vehicle))
 

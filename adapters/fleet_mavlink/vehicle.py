@@ -75,12 +75,12 @@ class Vehicle:
     @property
     def kind(self) -> VehicleKind | None:
         """Of what kind it is, None before its first heartbeat."""
-        return kind_of(self.state.heartbeat) if self.state.heartbeat else None
+        return kind_of(self.state.heartbeat, self.state) if self.state.heartbeat else None
 
     @property
     def flavour(self) -> Flavour | None:
         """The autopilot's flavour, None before its first heartbeat and for what is not flown."""
-        return flavour_of(self.state.heartbeat) if self.state.heartbeat else None
+        return flavour_of(self.state.heartbeat, self.state) if self.state.heartbeat else None
 
     @property
     def what(self) -> str:
@@ -246,11 +246,12 @@ def not_moved(heartbeat: Heartbeat) -> str:
     return f"it is {what_is(heartbeat)}, which is not moved here: it is watched, and stopped"
 
 
-def lacking_of(heartbeat: Heartbeat | None) -> Mapping[str, str]:
+def lacking_of(state: VehicleState) -> Mapping[str, str]:
     """Return what a vehicle lacks of the vocabulary, with the reason; nothing before its first heartbeat."""
+    heartbeat = state.heartbeat
     if heartbeat is None:
         return {}
-    flavour = flavour_of(heartbeat)
+    flavour = flavour_of(heartbeat, state)
     return dict.fromkeys(OF_A_MOVED_VEHICLE, not_moved(heartbeat)) if flavour is None else flavour.lacking
 
 

@@ -8,7 +8,7 @@ from typing import ClassVar
 
 import msgspec
 
-from fleet_mavlink.messages import CommandLong
+from fleet_mavlink.messages import Ask
 from fleet_mavlink.state import VehicleState
 
 
@@ -16,7 +16,7 @@ class Brake(msgspec.Struct, frozen=True):
     """One way to brake: the command, and the mode that the heartbeat shows once it was obeyed."""
 
     mode: str
-    ask: CommandLong
+    ask: Ask
 
 
 class VehicleKind(ABC):

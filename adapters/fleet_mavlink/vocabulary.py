@@ -14,15 +14,34 @@ VERBS = (
     "turn_left",
     "turn_right",
 )
+_LEVEL = tuple(verb for verb in VERBS if verb not in {"ascend", "descend"})
 _ON_THE_SURFACE = "it moves on the surface: it neither takes off nor changes its height"
 _ALONG_ITS_NOSE = "it moves along its nose only, not sideways"
+_ONE_WAY = "it has one way to move only: it is no VTOL"
+_UNSET = "a QuadPlane is moved only with Q_GUIDED_MODE 1: send set_failsafes, or set it, on the ground"
+ON_WINGS = "it flies on its wings and never stands: it takes goals, which it circles, and no velocities"
+NO_VELOCITIES = "ArduPlane takes no velocities, in its hover either: send a goal"
+ONE_WAY: Mapping[str, str] = {"transition": _ONE_WAY}
+"""What all but VTOLs lack."""
 SURFACE: Mapping[str, str] = {
     **dict.fromkeys(
         ("takeoff", "land", "cancel_takeoff", "cancel_landing", "ascend", "descend"), _ON_THE_SURFACE
     ),
     **dict.fromkeys(("strafe_left", "strafe_right"), _ALONG_ITS_NOSE),
+    **ONE_WAY,
 }
 """A rover or a boat that moves along its nose."""
+WINGS_AND_ROTORS: Mapping[str, str] = dict.fromkeys(_LEVEL, ON_WINGS)
+"""A VTOL on its wings."""
+WINGS: Mapping[str, str] = {**WINGS_AND_ROTORS, **ONE_WAY}
+"""A plane."""
+HOVERING: Mapping[str, str] = dict.fromkeys(_LEVEL, NO_VELOCITIES)
+"""A QuadPlane."""
+UNSET_QUADPLANE: Mapping[str, str] = {
+    **HOVERING,
+    **dict.fromkeys(("takeoff", "goto", "plan", "ascend", "descend", "transition"), _UNSET),
+}
+"""A QuadPlane whose GUIDED does not hover."""
 
 OF_A_MOVED_VEHICLE = (
     *VERBS,
@@ -31,6 +50,7 @@ OF_A_MOVED_VEHICLE = (
     "takeoff",
     "land",
     "return_to_home",
+    "transition",
     "arm",
     "check_ready",
     "get_parameters",

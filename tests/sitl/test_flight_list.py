@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 
+FAST = 30.0  # m/s, of what has wings
 ADDRESSES = [each for each in os.environ.get("FLEET_SITL", "").split(",") if each]
 
 
@@ -28,8 +29,16 @@ async def test_an_autopilot_flies_the_list(sitl, module_at, address):
             if flavour.surface:
                 other = module_at("sitl/other_station.py").OtherStation(it)
                 await module_at("sitl/drive_list.py").drive(it, other, lines.append)
-            else:
+            elif not flavour.settings:
                 await module_at("sitl/flight_list.py").fly(it, lines.append)
+        if flavour.settings:
+            async with sitl(link, int(system or 1), FAST) as it:
+                planes = module_at("sitl/plane_list.py")
+                await it.until(lambda: it.robot.is_connected and it.state.home is not None, 240.0)
+                if it.adapter._session.vehicle.flavour.transitions:
+                    await module_at("sitl/vtol_list.py").fly(it, planes, lines.append)
+                else:
+                    await planes.fly(it, lines.append)
     finally:
         written(address, lines)
 
@@ -49,7 +58,7 @@ async def test_a_loss_is_told_with_its_reason(sitl, module_at, address, loss):
     async with sitl(link, int(system or 1)) as it:
         await it.until(lambda: it.robot.is_connected and it.state.heartbeat, 60.0)
         flavour = it.adapter._session.vehicle.flavour
-        if flavour is None or flavour.surface:
+        if flavour is None or flavour.surface or flavour.settings:
             return  # the losses are those of a multirotor in the air
         for step in module_at("sitl/loss_list.py").LISTS[loss]:
             await step(it)

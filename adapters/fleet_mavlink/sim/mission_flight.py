@@ -22,7 +22,7 @@ _RADIUS = 10.0  # m of a circle that gives none
 _AHEAD = 0.5  # rad on the circle that is aimed ahead
 
 
-def _place(pilot: Autopilot, item: Item) -> tuple[float, float, float]:
+def place_of_item(pilot: Autopilot, item: Item) -> tuple[float, float, float]:
     """Return where an item is; 0/0 means where the vehicle is."""
     altitude = item.z
     if item.frame in _RELATIVE_FRAMES:
@@ -35,20 +35,20 @@ def _place(pilot: Autopilot, item: Item) -> tuple[float, float, float]:
 
 
 def _go(pilot: Autopilot, item: Item) -> Manoeuvre:
-    north, east, down = _place(pilot, item)
+    north, east, down = place_of_item(pilot, item)
     heading = math.radians(item.p4) if math.isfinite(item.p4) and item.p4 != 0.0 else None
     return GoTo(north, east, down, heading=heading)
 
 
 def _take_off(pilot: Autopilot, item: Item) -> Manoeuvre:
-    return Takeoff(pilot, _place(pilot, item)[2])
+    return Takeoff(pilot, place_of_item(pilot, item)[2])
 
 
 class _LandThere(Manoeuvre):
     """Fly over the place of the item, then land."""
 
     def __init__(self, pilot: Autopilot, item: Item) -> None:
-        north, east, _ = _place(pilot, item)
+        north, east, _ = place_of_item(pilot, item)
         self._legs: list[Manoeuvre] = [GoTo(north, east, pilot.body.down)]
 
     def aim(self, pilot: Autopilot) -> Aim:
@@ -76,7 +76,7 @@ class _Circle(Manoeuvre):
     """Fly to the place of the item and round it; a negative radius turns to the left."""
 
     def __init__(self, pilot: Autopilot, item: Item) -> None:
-        self._centre = _place(pilot, item)
+        self._centre = place_of_item(pilot, item)
         self._radius = item.p3 or _RADIUS
         self._left = math.tau * item.p1
         self._bearing: float | None = None

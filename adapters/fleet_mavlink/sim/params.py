@@ -81,6 +81,46 @@ def rover_params(system_id: int) -> Values:
     }
 
 
+def plane_params(system_id: int) -> Values:
+    """Return the parameters that matter here, with ArduPlane's defaults."""
+    return ardupilot_params(system_id) | {
+        "AIRSPEED_CRUISE": (REAL32, 22.0),
+        "AIRSPEED_MAX": (INT16, 30),
+        "AIRSPEED_MIN": (INT16, 10),
+        "FS_GCS_ENABL": (INT8, 0),
+        "FS_LONG_ACTN": (INT8, 0),
+        "FS_LONG_TIMEOUT": (REAL32, 5.0),
+        "RTL_ALTITUDE": (REAL32, 100.0),
+        "TECS_CLMB_MAX": (REAL32, 5.0),
+        "TECS_SINK_MIN": (REAL32, 2.0),
+        "THR_FAILSAFE": (INT8, 1),
+        "TKOFF_ALT": (REAL32, 50.0),
+        "WP_LOITER_RAD": (INT16, 80),
+        "WP_RADIUS": (INT16, 90),
+    }
+
+
+def quadplane_params(system_id: int) -> Values:
+    """Return the parameters that matter here, with a QuadPlane's defaults."""
+    return plane_params(system_id) | {"Q_ENABLE": (INT8, 1), "Q_GUIDED_MODE": (INT8, 0)}
+
+
+def px4_plane_params(system_id: int) -> Values:
+    """Return the parameters that matter here, with the defaults of PX4's simulated plane."""
+    return px4_params(system_id) | {
+        "FW_AIRSPD_MAX": (REAL32, 20.0),
+        "FW_AIRSPD_MIN": (REAL32, 10.0),
+        "FW_AIRSPD_TRIM": (REAL32, 15.0),
+        "FW_T_CLMB_R_SP": (REAL32, 3.0),
+        "FW_T_SINK_R_SP": (REAL32, 2.0),
+        "MIS_TAKEOFF_ALT": (REAL32, 25.0),
+        "MIS_TKO_LAND_REQ": (INT32, 2),
+        "NAV_LOITER_RAD": (REAL32, 80.0),
+        "RTL_RETURN_ALT": (REAL32, 100.0),
+        "SYS_AUTOSTART": (INT32, 10041),
+    }
+
+
 def px4_params(system_id: int) -> Values:
     """Return the parameters that matter here, with PX4's defaults."""
     return {

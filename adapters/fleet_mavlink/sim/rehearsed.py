@@ -6,6 +6,7 @@ import math
 
 from fleet import Refused, Simulation, SimulationStart
 from fleet_mavlink.ardupilot import ArduCopter
+from fleet_mavlink.ardupilot_plane import ArduPlane
 from fleet_mavlink.ardupilot_rover import ArduRover
 from fleet_mavlink.config import MavlinkConfig
 from fleet_mavlink.px4 import Px4
@@ -14,16 +15,27 @@ from fleet_mavlink.sim.vehicle import Flavour, SimVehicle
 from fleet_mavlink.sim.wire import Wire
 
 _PX4_MODES = frozenset(Px4.modes.values()) - frozenset(ArduCopter.modes.values())
-_ROVER_MODES = frozenset(ArduRover.modes.values()) - frozenset(ArduCopter.modes.values()) - _PX4_MODES
+_PLANE_MODES = (
+    frozenset(ArduPlane.modes.values())
+    - frozenset(ArduCopter.modes.values())
+    - frozenset(ArduRover.modes.values())
+    - _PX4_MODES
+)
+_ROVER_MODES = (
+    frozenset(ArduRover.modes.values())
+    - frozenset(ArduCopter.modes.values())
+    - frozenset(ArduPlane.modes.values())
+    - _PX4_MODES
+)
 _NAMES = {"ardupilot": "ArduPilot", "px4": "PX4"}
 
 
 def simulated_vehicle(config: MavlinkConfig, start: SimulationStart) -> Simulation:
     """Return a vehicle that stands where the robot is.
 
-    The name of a real one's mode tells whether it is on PX4 or ArduPilot, and a rover where it is a rover's
-    alone (HOLD); else it is taken for a multirotor. Raises Refused while its motors run, and while
-    nobody knows where it is.
+    The name of a real one's mode tells whether it is on PX4 or ArduPilot, and a rover or a plane where it is
+    theirs alone (HOLD, TAKEOFF); else it is taken for a multirotor. Raises Refused while its motors run, and
+    while nobody knows where it is.
     """
     if start.armed:
         raise Refused(
@@ -70,4 +82,6 @@ def _spec(config: MavlinkConfig, start: SimulationStart) -> SimSpec:
         return SimSpec.parse(config.link, system_id=config.system_id)
     flavour: Flavour = "px4" if start.mode in _PX4_MODES else "ardupilot"
     vehicle: VehicleName = "rover" if start.mode in _ROVER_MODES else "multirotor"
+    if start.mode in _PLANE_MODES:
+        vehicle = "plane"
     return SimSpec(flavour, vehicle, system_id=config.system_id, seed=start.seed)

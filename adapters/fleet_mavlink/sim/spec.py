@@ -14,10 +14,10 @@ from fleet.sim.faults import parse_faults
 from fleet_mavlink.sim.faults import FAULTS
 
 QUICK_READY = 3.0  # seconds until a vehicle of a ``sim:`` link can be armed, unless it says otherwise
-VehicleName = Literal["multirotor", "rover"]
+VehicleName = Literal["multirotor", "rover", "plane", "vtol"]
 VEHICLES: Mapping[str, tuple[VehicleName, ...]] = {
-    "ardupilot": ("multirotor", "rover"),
-    "px4": ("multirotor",),
+    "ardupilot": ("multirotor", "rover", "plane", "vtol"),
+    "px4": ("multirotor", "plane", "vtol"),
 }
 Home = tuple[float, float, float, float]
 ZURICH: Home = (47.397742, 8.545594, 488.0, 0.0)

@@ -18,9 +18,23 @@ from fleet_mavlink.sim.equipment import Equipment
 from fleet_mavlink.sim.faults import FAULTS
 from fleet_mavlink.sim.files import FILES, answer
 from fleet_mavlink.sim.missions import ARDUPILOT_HABITS, PX4_HABITS, SimMissions
-from fleet_mavlink.sim.params import Params, Values, ardupilot_params, px4_params, rover_params
+from fleet_mavlink.sim.params import (
+    Params,
+    Values,
+    ardupilot_params,
+    plane_params,
+    px4_params,
+    px4_plane_params,
+    quadplane_params,
+    rover_params,
+)
 from fleet_mavlink.sim.physics import Body
+from fleet_mavlink.sim.plane import SimArduPlane
+from fleet_mavlink.sim.plane_physics import VtolBody, WingedBody
 from fleet_mavlink.sim.px4 import SimPx4
+from fleet_mavlink.sim.px4_plane import SimPx4Plane
+from fleet_mavlink.sim.px4_vtol import SimPx4Vtol
+from fleet_mavlink.sim.quadplane import SimQuadPlane
 from fleet_mavlink.sim.rover import SimArduRover
 from fleet_mavlink.sim.rover_physics import WheeledBody
 from fleet_mavlink.sim.spec import VehicleName
@@ -30,12 +44,20 @@ Flavour = Literal["ardupilot", "px4"]
 _VEHICLES: Mapping[tuple[Flavour, VehicleName], tuple[Callable[[Boot], Autopilot], type[Body]]] = {
     ("ardupilot", "multirotor"): (ArduPilot, Body),
     ("ardupilot", "rover"): (SimArduRover, WheeledBody),
+    ("ardupilot", "plane"): (SimArduPlane, WingedBody),
+    ("ardupilot", "vtol"): (SimQuadPlane, VtolBody),
     ("px4", "multirotor"): (SimPx4, Body),
+    ("px4", "plane"): (SimPx4Plane, WingedBody),
+    ("px4", "vtol"): (SimPx4Vtol, VtolBody),
 }
 _PARAMS: Mapping[tuple[Flavour, VehicleName], Callable[[int], Values]] = {
     ("ardupilot", "multirotor"): ardupilot_params,
     ("ardupilot", "rover"): rover_params,
+    ("ardupilot", "plane"): plane_params,
+    ("ardupilot", "vtol"): quadplane_params,
     ("px4", "multirotor"): px4_params,
+    ("px4", "plane"): px4_plane_params,
+    ("px4", "vtol"): px4_plane_params,
 }
 ARDUPILOT_GREETING = b"\n\nInit ArduCopter V4.6.3 (92b0cd78)\n\nFree RAM: 131072\nInit Gyro***"
 _STEP = 0.05  # longest step of the physics, s

@@ -7,7 +7,7 @@ import math
 import pytest
 from pymavlink.dialects.v20 import all as mav
 
-from fleet import NotReady, Refused, TimedOut, Unsupported, Vector3, Velocity
+from fleet import GeoPoint, NotReady, Refused, TimedOut, Unsupported, Vector3, Velocity
 from fleet.model.health import Level
 from fleet.model.report import (
     BatteryReport,
@@ -23,6 +23,7 @@ from fleet_mavlink.commander import Commander, Timing
 from fleet_mavlink.constants import Cmd, Result, type_name
 from fleet_mavlink.flavours import kind_of
 from fleet_mavlink.messages import CommandAck, ExtendedSysState, GlobalPositionInt, Heartbeat
+from fleet_mavlink.state import VehicleState
 from fleet_mavlink.turns import Superseded
 from fleet_mavlink.vocabulary import OF_A_MOVED_VEHICLE
 
@@ -207,14 +208,8 @@ def test_what_is_not_moved_here_is_not_moved_not_even_by_one_setpoint(fly, sky):
 
 def first_brake(autopilot, vehicle_type, **state):
     """Return the mode that brakes a vehicle, best first."""
-    return [brake.mode for brake in kind_of(Heartbeat(vehicle_type, autopilot)).brakes(StateOf(**state))]
-
-
-class StateOf:
-    """What kinds look at."""
-
-    def __init__(self, vtol_state=0):
-        self.vtol_state = vtol_state
+    told = VehicleState(**state)
+    return [brake.mode for brake in kind_of(Heartbeat(vehicle_type, autopilot), told).brakes(told)]
 
 
 @pytest.mark.parametrize(
@@ -235,8 +230,30 @@ def test_each_vehicle_on_ardupilot_has_its_brakes(vehicle_type, modes):
     assert first_brake(ARDUPILOT, vehicle_type) == modes
 
 
-def test_a_hovering_vtol_on_ardupilot_is_not_sent_forward():
-    assert first_brake(ARDUPILOT, 22, vtol_state=3) == ["QLOITER", "QLAND"]
+@pytest.mark.parametrize("vehicle_type", [1, 22])
+def test_a_hovering_quadplane_is_neither_sent_forward_nor_left_to_a_stick_that_is_not_there(vehicle_type):
+    hovers = {"vtol_state": 3, "position": GeoPoint(47.0, 8.0, 500.0)}
+    set_up = {"settings": {"Q_GUIDED_MODE": 1.0}}
+    assert first_brake(ARDUPILOT, vehicle_type, **hovers, **set_up) == ["GUIDED", "QLAND"]
+    assert first_brake(ARDUPILOT, vehicle_type, vtol_state=3, **set_up) == ["QLAND"]
+    assert first_brake(ARDUPILOT, vehicle_type, **hovers) == ["QLAND"]
+
+
+def test_a_quadplane_on_its_wings_circles():
+    for vtol_state in (1, 4):
+        assert first_brake(ARDUPILOT, 1, vtol_state=vtol_state) == ["LOITER", "CIRCLE"]
+
+
+def test_a_hovering_quadplane_is_sent_to_where_it_comes_to_stand():
+    state = VehicleState(
+        vtol_state=3,
+        settings={"Q_GUIDED_MODE": 1.0},
+        position=GeoPoint(47.0, 8.0, 500.0),
+        velocity=Vector3(4.0, 0.0, 0.0),
+    )
+    ask = kind_of(Heartbeat(1, ARDUPILOT), state).brakes(state)[0].ask
+    assert (ask.command, ask.frame, ask.z) == (Cmd.DO_REPOSITION, 5, 500.0)
+    assert (ask.x - 470_000_000) * 0.0111 == pytest.approx(4.0, abs=0.1), "4 m/s at 2 m/s2"
 
 
 def test_every_vehicle_on_px4_is_held_at_its_place():
@@ -247,8 +264,8 @@ def test_every_vehicle_on_px4_is_held_at_its_place():
 def test_everything_has_a_name_and_a_command_that_brakes_it():
     for autopilot, vehicle_type in itertools.product(range(21), range(46)):
         kind = kind_of(Heartbeat(vehicle_type, autopilot))
-        assert kind.brakes(StateOf())
-        assert all(brake.ask.command for brake in kind.brakes(StateOf()))
+        assert kind.brakes(VehicleState())
+        assert all(brake.ask.command for brake in kind.brakes(VehicleState()))
         assert kind.name
         assert type_name(vehicle_type)
 

@@ -9,6 +9,7 @@ from fleet_mavlink.commander import NEVER_SENT, Commander, Timing
 from fleet_mavlink.constants import Cmd, Result
 from fleet_mavlink.messages import CommandAck, CommandInt, CommandLong, StatusTextMessage
 from fleet_mavlink.px4 import Px4
+from fleet_mavlink.state import VehicleState
 
 ARM = CommandLong(Cmd.COMPONENT_ARM_DISARM, param1=1.0)
 LOITER, OFFBOARD = 0x03040000, 0x00060000
@@ -372,7 +373,7 @@ def test_a_mode_that_never_shows_is_asked_for_four_times(talk):
 def test_a_mode_that_it_is_in_is_asked_for_all_the_same(talk):
     async def test(it):
         it.later(0.01, ack(Result.ACCEPTED, Cmd.DO_REPOSITION))
-        await it.commander.enter("AUTO.LOITER", MODE, Px4().hold_command())
+        await it.commander.enter("AUTO.LOITER", MODE, Px4().hold_command(VehicleState()))
         assert len(it.sent) == 1
 
     talk(test)
@@ -400,7 +401,7 @@ def test_a_late_answer_to_where_it_was_to_go_is_not_taken_for_the_holds(talk):
         await asyncio.gather(going, return_exceptions=True)
         it.later(0.1, ack(Result.ACCEPTED, Cmd.DO_REPOSITION))  # to ``go``; the first hold is lost
         it.later(1.5, ack(Result.ACCEPTED, Cmd.DO_REPOSITION))
-        await it.commander.enter("AUTO.LOITER", MODE, px4.hold_command())
+        await it.commander.enter("AUTO.LOITER", MODE, px4.hold_command(VehicleState()))
         assert [type(sent) for sent in it.sent] == [CommandInt, CommandLong, CommandLong]
 
     talk(test)
@@ -408,7 +409,7 @@ def test_a_late_answer_to_where_it_was_to_go_is_not_taken_for_the_holds(talk):
 
 def test_an_answer_that_came_in_time_is_not_waited_for_twice(talk):
     async def test(it):
-        hold = Px4().hold_command()
+        hold = Px4().hold_command(VehicleState())
         for _ in range(2):
             it.later(0.1, ack(Result.ACCEPTED, Cmd.DO_REPOSITION))
             await it.commander.enter("AUTO.LOITER", MODE, hold)

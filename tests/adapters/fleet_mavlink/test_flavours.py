@@ -28,12 +28,16 @@ flavours = pytest.mark.parametrize("flavour", [ARDUPILOT, PX4])
         (2, 12, "Px4"),
         (10, 3, "ArduRover"),
         (11, 3, "ArduBoat"),
-        *((kind, 12, None) for kind in (1, 10, 11, 12, 22)),
-        *((kind, 3, None) for kind in (1, 7, 12, 20)),
+        (1, 3, "ArduPlane"),
+        (20, 3, "ArduPlane"),
+        (1, 12, "Px4Plane"),
+        (22, 12, "Px4VtolForward"),
+        *((kind, 12, None) for kind in (7, 10, 11, 12)),
+        *((kind, 3, None) for kind in (7, 12)),
         (2, 4, None),
     ],
 )
-def test_multirotors_and_ardupilots_rovers_are_moved_and_nothing_else(kind, autopilot, name):
+def test_aircraft_and_ardupilots_rovers_are_moved_and_nothing_else(kind, autopilot, name):
     flavour = flavour_of(Heartbeat(kind, autopilot))
     assert (type(flavour).__name__ if flavour else None) == name
 

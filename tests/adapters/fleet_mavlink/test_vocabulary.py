@@ -1,6 +1,7 @@
 """The vocabulary for each type of vehicle: what is there works or says why not, what is not is refused."""
 
 import asyncio
+import itertools
 
 import pytest
 
@@ -10,6 +11,7 @@ from fleet.wire.verbs import VERBS as HOSTS_VERBS
 from fleet_mavlink.adapter import MavlinkAdapter
 from fleet_mavlink.constants import ARDUPILOT, PX4
 from fleet_mavlink.messages import Heartbeat
+from fleet_mavlink.state import VehicleState
 from fleet_mavlink.vehicle import lacking_of
 from fleet_mavlink.vocabulary import VERBS
 
@@ -19,6 +21,10 @@ VEHICLES = {
     "multirotor on PX4": ("px4", "multirotor", None),
     "rover": ("ardupilot", "rover", None),
     "boat": ("ardupilot", "rover", BOAT),
+    "plane on ArduPilot": ("ardupilot", "plane", None),
+    "plane on PX4": ("px4", "plane", None),
+    "VTOL on PX4": ("px4", "vtol", None),
+    "QuadPlane as delivered": ("ardupilot", "vtol", None),
     "not moved": ("ardupilot", "rover", SUBMARINE),
 }
 DATA = {
@@ -31,6 +37,7 @@ DATA = {
     "gimbal_rotate": {"pitch": -10.0},
     "gimbal_rotate_speed": {"pitch": 10.0},
     "set_gimbal_pitch": {"pitch": -10.0},
+    "transition": {"to": "forward"},
 }
 WAYS = {
     "move_forward": Velocity(Vector3(1.0, 0.0, 0.0)),
@@ -84,8 +91,9 @@ def test_each_name_is_taken_or_refused_with_the_words_of_the_table(fly, sky, veh
             if vehicle_type is not None:
                 it.sim.pilot.vehicle_type = vehicle_type
             await it.until(lambda: it.robot.is_connected and it.state.home is not None)
-            lacking = lacking_of(it.state.heartbeat)
-            assert it.robot.lacking == lacking
+            await it.until(lambda: it.state.vtol_state == it.sim.pilot.vtol_state())
+            await it.until(lambda: it.robot.lacking == lacking_of(it.state))
+            lacking = lacking_of(it.state)
             it.order.clear()
             refusal = await tried(it, name)
             if name in lacking and name not in MOVING:
@@ -103,7 +111,9 @@ def test_each_name_is_taken_or_refused_with_the_words_of_the_table(fly, sky, veh
 def test_every_vehicle_has_a_reason_for_each_name_that_it_lacks(autopilot):
     known = {*VERBS, "goto", "plan", *COMMANDS}
     for vehicle_type in range(46):
-        lacking = lacking_of(Heartbeat(vehicle_type, autopilot))
-        assert set(lacking) <= known
-        assert all(lacking.values())
-        assert not {"stop", "hover", "emergency_stop"} & set(lacking)
+        for vtol_state, guided in itertools.product(range(5), (0.0, 1.0)):
+            heartbeat, settings = Heartbeat(vehicle_type, autopilot), {"Q_GUIDED_MODE": guided}
+            lacking = lacking_of(VehicleState(heartbeat, vtol_state=vtol_state, settings=settings))
+            assert set(lacking) <= known
+            assert all(lacking.values())
+            assert not {"stop", "hover", "emergency_stop"} & set(lacking)

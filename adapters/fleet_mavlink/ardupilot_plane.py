@@ -1,0 +1,231 @@
+"""ArduPlane, also with lifting rotors (QuadPlane): mode numbers and behaviour of version 4.6."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import ClassVar
+
+from fleet import GeoOrigin, GeoPoint, Vector3, Velocity, geo_from_world
+from fleet_mavlink.ardupilot_flavour import ArduPilotFlavour
+from fleet_mavlink.constants import NAN, VTOL_HOVERS, Cmd, Frame
+from fleet_mavlink.flavour import Flavour
+from fleet_mavlink.messages import Ask, CommandInt, CommandLong
+from fleet_mavlink.state import VehicleState
+from fleet_mavlink.vehicle_kind import Brake
+from fleet_mavlink.vocabulary import HOVERING, NO_VELOCITIES, UNSET_QUADPLANE
+from fleet_mavlink.wings import Winged
+
+_CHANGE_MODE = 1.0  # param2 of DO_REPOSITION
+_BRAKING = 2.0  # m/s2 at which a QuadPlane comes to stand (Q_TRANS_DECEL)
+_FASTEST_HOVER = 10.0  # m/s that are projected; what is faster flies on its wings
+
+
+def reposition(to: GeoPoint) -> CommandInt:
+    """Return DO_REPOSITION to a place (altitude AMSL), which changes to GUIDED and is acknowledged."""
+    return CommandInt(
+        Cmd.DO_REPOSITION,
+        frame=Frame.GLOBAL_INT,
+        param1=-1.0,
+        param2=_CHANGE_MODE,
+        param4=NAN,
+        x=round(to.latitude * 1e7),
+        y=round(to.longitude * 1e7),
+        z=to.altitude,
+    )
+
+
+class _ArduPlane(ArduPilotFlavour):
+    """The modes of ArduPlane, with or without rotors."""
+
+    modes: ClassVar[Mapping[int, str]] = {
+        0: "MANUAL",
+        1: "CIRCLE",
+        2: "STABILIZE",
+        3: "TRAINING",
+        4: "ACRO",
+        5: "FBWA",
+        6: "FBWB",
+        7: "CRUISE",
+        8: "AUTOTUNE",
+        10: "AUTO",
+        11: "RTL",
+        12: "LOITER",
+        13: "TAKEOFF",
+        14: "AVOID_ADSB",
+        15: "GUIDED",
+        16: "INITIALISING",
+        17: "QSTABILIZE",
+        18: "QHOVER",
+        19: "QLOITER",
+        20: "QLAND",
+        21: "QRTL",
+        22: "QAUTOTUNE",
+        23: "QACRO",
+        24: "THERMAL",
+        25: "LOITER2QLAND",
+        26: "AUTOLAND",
+    }
+    tries_brakes: ClassVar[bool] = True
+    mission_ends: ClassVar[tuple[str, ...]] = ("RTL", "QRTL")
+
+    @property
+    def failsafe_table(self) -> str:
+        """Planes have their own."""
+        return "arduplane"
+
+    def go_command(
+        self,
+        to: GeoPoint,
+        home_altitude: float,  # noqa: ARG002 - it is told the altitude above the sea
+        speed: float,  # noqa: ARG002 - it takes none here: ``after_go``
+        heading: float,  # noqa: ARG002 - its nose points along its way
+    ) -> CommandInt:
+        """Return DO_REPOSITION."""
+        return reposition(to)
+
+
+class ArduPlane(Winged, _ArduPlane):
+    """A plane. It takes off by its mode TAKEOFF, and circles; LOITER needs a position, CIRCLE none."""
+
+    hold: ClassVar[str] = "LOITER"
+    braking: ClassVar[tuple[str, ...]] = ("LOITER", "CIRCLE")
+    land: ClassVar[str] = "AUTO"
+    takeoff: ClassVar[str] = "TAKEOFF"
+    takeoff_height: ClassVar[str | None] = "TKOFF_ALT"
+    lands_here: ClassVar[bool] = False
+    circle: ClassVar[str] = "WP_LOITER_RAD"
+    airspeeds: ClassVar[tuple[str, str, str]] = ("AIRSPEED_MIN", "AIRSPEED_CRUISE", "AIRSPEED_MAX")
+
+    @property
+    def settings(self) -> tuple[str, ...]:
+        """The parameters by which it is moved; a plane without lifting rotors has no Q_GUIDED_MODE."""
+        return (*super().settings, "TKOFF_ALT", "Q_GUIDED_MODE")
+
+    def takeoff_command(self, altitude: float, home_altitude: float) -> CommandLong:  # noqa: ARG002
+        """Return the change to TAKEOFF, which climbs to TKOFF_ALT: NAV_TAKEOFF is for rotors."""
+        return self.mode_command(self.takeoff)
+
+    def comes_down(self, state: VehicleState) -> bool:
+        """Return whether it flies home; it lands in the mode of any mission."""
+        return self.mode_of(state) == self.return_home
+
+    def land_command(self) -> CommandLong:
+        """Return DO_LAND_START: it lands by the landing that its mission has, and not without one."""
+        return CommandLong(Cmd.DO_LAND_START)
+
+    def after_go(self, speed: float) -> CommandLong | None:
+        """Return DO_CHANGE_SPEED for the airspeed."""
+        return CommandLong(Cmd.DO_CHANGE_SPEED, param1=self.speed_kind, param2=speed, param3=-1.0)
+
+
+class QuadPlane(_ArduPlane):
+    """A QuadPlane in its hover. It stands in GUIDED; QLOITER without a pilot's stick sinks at 2.5 m/s.
+
+    GUIDED again changes nothing while it flies to a place, so it is sent to where it comes to stand.
+    """
+
+    hold: ClassVar[str] = "GUIDED"
+    land: ClassVar[str] = "QLAND"
+    return_home: ClassVar[str] = "QRTL"
+    tolerance: ClassVar[float] = 1.5
+    transitions: ClassVar[Mapping[str, str]] = {"forward": "LOITER", "hover": "GUIDED"}
+    lacking: ClassVar[Mapping[str, str]] = HOVERING
+
+    @property
+    def settings(self) -> tuple[str, ...]:
+        """Those of its wings, and how GUIDED flies."""
+        return ArduPlane().settings
+
+    @property
+    def failsafe_table(self) -> str:
+        """Those of planes, and how GUIDED flies."""
+        return "quadplane"
+
+    def cannot(self, velocity: Velocity, *, turns_in_place: bool | None) -> str:  # noqa: ARG002 - any
+        """Refuse every velocity: ArduPlane takes none."""
+        return NO_VELOCITIES
+
+    def stands(self, state: VehicleState) -> bool:
+        """Return whether it hovers."""
+        return state.vtol_state in VTOL_HOVERS
+
+    def hold_command(self, state: VehicleState) -> Ask:
+        """Return the way to where it comes to stand; without a position QLAND."""
+        here = state.position
+        return self.mode_command(self.land) if here is None else reposition(_stopping(here, state.velocity))
+
+    def brakes(self, state: VehicleState) -> tuple[Brake, ...]:
+        """Return the hold, and the landing where that is refused."""
+        landing = Brake(self.land, self.mode_command(self.land))
+        return (landing,) if state.position is None else (Brake(self.hold, self.hold_command(state)), landing)
+
+    def takeoff_command(self, altitude: float, home_altitude: float) -> CommandInt:  # noqa: ARG002
+        """Return NAV_TAKEOFF with the rotors; its height is above where it stands."""
+        return CommandInt(Cmd.NAV_TAKEOFF, frame=Frame.LOCAL_OFFSET_NED, z=-altitude)
+
+    def after_go(self, speed: float) -> CommandLong | None:  # noqa: ARG002 - Q_WP_SPEED holds
+        """Return nothing."""
+        return None
+
+
+class QuadPlaneForward(QuadPlane):
+    """A QuadPlane that flies on its wings, or is on the ground: goals end in its hover."""
+
+    hold: ClassVar[str] = "LOITER"
+    braking: ClassVar[tuple[str, ...]] = ("LOITER", "CIRCLE")
+
+    def hold_command(self, state: VehicleState) -> Ask:  # noqa: ARG002 - wherever it is
+        """Return the change to LOITER."""
+        return self.mode_command(self.hold)
+
+    def brakes(self, state: VehicleState) -> tuple[Brake, ...]:  # noqa: ARG002 - always the same
+        """Return the modes in which it circles."""
+        return tuple(Brake(mode, self.mode_command(mode)) for mode in self.braking)
+
+
+class UnsetQuadPlane(QuadPlane):
+    """A hovering QuadPlane with Q_GUIDED_MODE 0: GUIDED would make it fly forward, so a stop lands it."""
+
+    hold: ClassVar[str] = "QLAND"
+    lacking: ClassVar[Mapping[str, str]] = UNSET_QUADPLANE
+
+    def hold_command(self, state: VehicleState) -> Ask:  # noqa: ARG002 - wherever it is
+        """Return the change to QLAND."""
+        return self.mode_command(self.hold)
+
+    def brakes(self, state: VehicleState) -> tuple[Brake, ...]:
+        """Return the landing."""
+        return (Brake(self.hold, self.hold_command(state)),)
+
+
+class UnsetQuadPlaneForward(QuadPlaneForward):
+    """The same on its wings, or on the ground."""
+
+    lacking: ClassVar[Mapping[str, str]] = UNSET_QUADPLANE
+
+
+_PLANE = ArduPlane()
+_QUADPLANES: Mapping[tuple[bool, bool], Flavour] = {
+    (True, True): QuadPlane(),
+    (True, False): UnsetQuadPlane(),
+    (False, True): QuadPlaneForward(),
+    (False, False): UnsetQuadPlaneForward(),
+}
+
+
+def arduplane_of(state: VehicleState) -> Flavour:
+    """Return what an ArduPlane is now: whether it has rotors, hovers, and may be held in GUIDED."""
+    if not state.vtol_state:
+        return _PLANE
+    return _QUADPLANES[state.vtol_state in VTOL_HOVERS, bool(state.settings.get("Q_GUIDED_MODE"))]
+
+
+def _stopping(here: GeoPoint, velocity: Vector3 | None) -> GeoPoint:
+    """Return where it comes to stand that moves at a velocity (NED, m/s)."""
+    if velocity is None:
+        return here
+    speed = velocity.horizontal()
+    seconds = min(speed, _FASTEST_HOVER) / (2 * _BRAKING) if math.isfinite(speed) else 0.0
+    ahead = Vector3(velocity.y * seconds, velocity.x * seconds, 0.0)
+    return geo_from_world(GeoOrigin(here.latitude, here.longitude, here.altitude), ahead)

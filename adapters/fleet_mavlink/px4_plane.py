@@ -1,0 +1,61 @@
+"""PX4 for planes and VTOLs: the modes of its multirotors, and behaviour as observed of version 1.16."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import ClassVar
+
+from fleet import GeoPoint
+from fleet_mavlink.constants import NAN, VTOL_HOVERS, VTOLS
+from fleet_mavlink.flavour import Flavour
+from fleet_mavlink.messages import CommandInt
+from fleet_mavlink.px4 import Px4
+from fleet_mavlink.state import VehicleState
+from fleet_mavlink.vocabulary import WINGS_AND_ROTORS
+from fleet_mavlink.wings import Winged
+
+
+class Px4Plane(Winged, Px4):
+    """A plane. It takes off and lands by the commands of multirotors, in circles and along a runway."""
+
+    lands_here: ClassVar[bool] = False
+    circle: ClassVar[str] = "NAV_LOITER_RAD"
+    airspeeds: ClassVar[tuple[str, str, str]] = ("FW_AIRSPD_MIN", "FW_AIRSPD_TRIM", "FW_AIRSPD_MAX")
+
+    def go_command(self, to: GeoPoint, home_altitude: float, speed: float, heading: float) -> CommandInt:  # noqa: ARG002
+        """Return DO_REPOSITION without a heading: its nose points along its way."""
+        return super().go_command(to, home_altitude, speed, NAN)
+
+
+class Px4Vtol(Px4):
+    """A VTOL in its hover, which is a multirotor's."""
+
+    transitions: ClassVar[Mapping[str, str]] = {"forward": "", "hover": ""}
+    lacking: ClassVar[Mapping[str, str]] = {}
+
+    @property
+    def settings(self) -> tuple[str, ...]:
+        """Those of its wings."""
+        return Px4Plane().settings
+
+    def stands(self, state: VehicleState) -> bool:
+        """Return whether it hovers."""
+        return state.vtol_state in VTOL_HOVERS
+
+
+class Px4VtolForward(Px4Plane):
+    """A VTOL on its wings. To land, and at home, it goes back to its hover by itself."""
+
+    lands_here: ClassVar[bool] = True
+    transitions: ClassVar[Mapping[str, str]] = Px4Vtol.transitions
+    lacking: ClassVar[Mapping[str, str]] = WINGS_AND_ROTORS
+
+
+_PLANE, _HOVER, _FORWARD = Px4Plane(), Px4Vtol(), Px4VtolForward()
+
+
+def px4_plane_of(vehicle_type: int, state: VehicleState) -> Flavour:
+    """Return what a plane or VTOL on PX4 is now; one that has not told how it flies is taken for wings."""
+    if vehicle_type not in VTOLS:
+        return _PLANE
+    return _HOVER if state.vtol_state in VTOL_HOVERS else _FORWARD

@@ -1,0 +1,218 @@
+"""ArduPlane 4.6.3: it takes off by its mode TAKEOFF, circles in GUIDED and LOITER, lands in a mission."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import ClassVar
+
+from pymavlink.dialects.v20 import all as mav
+
+from fleet_mavlink.sim.ardupilot import ArduPilot
+from fleet_mavlink.sim.ardupilot_commands import COMMANDS as COPTERS
+from fleet_mavlink.sim.autopilot import Autopilot, Boot, Handler
+from fleet_mavlink.sim.command_request import ACCEPTED, DENIED, FAILED, CommandRequest, whole
+from fleet_mavlink.sim.manoeuvres import Idle, Manoeuvre
+from fleet_mavlink.sim.modes import GUIDED_BASE, MANUAL_BASE, Mode
+from fleet_mavlink.sim.physics import Agility
+from fleet_mavlink.sim.plane_failsafes import PlaneFailsafes
+from fleet_mavlink.sim.plane_mission import WingedMission
+from fleet_mavlink.sim.plane_moves import Circle, RunwayTakeoff
+from fleet_mavlink.sim.speaker import INFO, WARNING
+from fleet_mavlink.sim.speeds import ArduPilotSpeeds, FlightSpeeds
+
+_LANDED_DISARM = 20.0  # s, LAND_DISARMDELAY
+_AIRSPEED, _DEFAULT = 0, -2.0  # DO_CHANGE_SPEED: its kind, and the value that undoes it
+_ABOVE_HOME = {0: 0.0, 5: 0.0, 3: 1.0, 6: 1.0}  # frames
+
+
+class PlaneSpeeds(ArduPilotSpeeds):
+    """AIRSPEED_CRUISE, TECS_CLMB_MAX, TECS_SINK_MIN."""
+
+    @property
+    def cruise(self) -> float:
+        """AIRSPEED_CRUISE, or what DO_CHANGE_SPEED asked for."""
+        return self.asked or self._params["AIRSPEED_CRUISE"]
+
+    @property
+    def climb(self) -> float:
+        """TECS_CLMB_MAX."""
+        return self._params["TECS_CLMB_MAX"]
+
+    @property
+    def sink(self) -> float:
+        """TECS_SINK_MIN."""
+        return self._params["TECS_SINK_MIN"]
+
+    @property
+    def landing(self) -> tuple[float, float, float]:
+        """As it sinks otherwise."""
+        return self.sink, self.sink, 0.0
+
+
+def circle_here(pilot: Autopilot) -> Manoeuvre:
+    """Return: circle about the place where it is; idle on the ground."""
+    body = pilot.body
+    if body.grounded:
+        return Idle()
+    return Circle(body.north, body.east, body.down, pilot.params["WP_LOITER_RAD"])
+
+
+def _manual(pilot: Autopilot) -> Manoeuvre:
+    return circle_here(pilot)
+
+
+def _home(pilot: Autopilot) -> Manoeuvre:
+    """Circle over home at RTL_ALTITUDE; it does not land."""
+    if pilot.body.grounded:
+        return Idle()
+    north, east, down = pilot.home_ned()
+    return Circle(north, east, down - pilot.params["RTL_ALTITUDE"], pilot.params["WP_LOITER_RAD"])
+
+
+def _take_off(pilot: Autopilot) -> Manoeuvre:
+    """Take off to TKOFF_ALT; in the air circle."""
+    down = pilot.home_ned()[2] - pilot.params["TKOFF_ALT"]
+    return RunwayTakeoff(down) if pilot.body.grounded else circle_here(pilot)
+
+
+_ALL = (
+    Mode("MANUAL", 0, _manual, MANUAL_BASE, position=False),
+    Mode("CIRCLE", 1, circle_here, GUIDED_BASE, position=False),
+    Mode("FBWA", 5, _manual, MANUAL_BASE, position=False),
+    Mode("AUTO", 10, WingedMission, GUIDED_BASE),
+    Mode("RTL", 11, _home, GUIDED_BASE, armable=False),
+    Mode("LOITER", 12, circle_here, GUIDED_BASE),
+    Mode("TAKEOFF", 13, _take_off, GUIDED_BASE),
+    Mode("GUIDED", 15, circle_here, GUIDED_BASE),
+    Mode("INITIALISING", 16, _manual, GUIDED_BASE, position=False, armable=False),
+)
+MODES = {mode.name: mode for mode in _ALL}
+
+
+def _arm(pilot: SimArduPlane, ask: CommandRequest) -> int:
+    """Arm as a copter does, in other words."""
+    before = pilot.armed
+    result = COPTERS[mav.MAV_CMD_COMPONENT_ARM_DISARM](pilot, ask)
+    if pilot.armed is not before:
+        pilot.say(INFO, "Throttle armed" if pilot.armed else "Throttle disarmed")
+    return FAILED if result is None else result
+
+
+def _reposition(pilot: SimArduPlane, ask: CommandRequest) -> int:
+    """Circle about a place, in GUIDED or with the flag that changes to it; param 3 is the radius."""
+    above = None if ask.frame is None else _ABOVE_HOME.get(ask.frame)
+    if above is None or pilot.home is None or not math.isfinite(ask.latitude + ask.longitude):
+        return DENIED
+    north, east, down = pilot.ned_of(ask.latitude, ask.longitude, ask.altitude + above * pilot.home[2])
+    if pilot.outside_fence((north, east, down)):
+        return DENIED
+    guided = pilot.modes["GUIDED"].custom
+    if pilot.mode.name != "GUIDED" and not (whole(ask.p2) & 1 and pilot.change_mode(guided)):
+        return FAILED
+    if not pilot.body.grounded:
+        radius = ask.p3 if math.isfinite(ask.p3) and ask.p3 > 0.0 else pilot.circle_radius
+        pilot.manoeuvre = Circle(north, east, down, radius)
+    return ACCEPTED
+
+
+def _speed(pilot: SimArduPlane, ask: CommandRequest) -> int:
+    """Take an airspeed between AIRSPEED_MIN and AIRSPEED_MAX, in GUIDED and AUTO."""
+    params = pilot.params
+    if pilot.mode.name not in {"GUIDED", "AUTO"}:
+        return FAILED
+    if whole(ask.p1) == _AIRSPEED and ask.p2 == _DEFAULT:
+        pilot.speeds.asked = None
+        return ACCEPTED
+    if whole(ask.p1) == _AIRSPEED and not params["AIRSPEED_MIN"] <= ask.p2 <= params["AIRSPEED_MAX"]:
+        return FAILED
+    pilot.speeds.asked = ask.p2
+    return ACCEPTED
+
+
+def _land(pilot: SimArduPlane, _ask: CommandRequest) -> int:
+    """DO_LAND_START: go on with the mission at its landing; it fails without one."""
+    items = pilot.missions.items
+    found = [at for at, item in enumerate(items) if item.command == mav.MAV_CMD_DO_LAND_START]
+    if not found or not pilot.missions.set_current(found[0]):
+        pilot.say(WARNING, "Unable to start landing sequence")
+        return FAILED
+    return ACCEPTED if pilot.change_mode(pilot.modes["AUTO"].custom) else FAILED
+
+
+def _return(pilot: SimArduPlane, _ask: CommandRequest) -> int:
+    return ACCEPTED if pilot.change_mode(pilot.modes["RTL"].custom) else FAILED
+
+
+def _start_mission(pilot: SimArduPlane, _ask: CommandRequest) -> int:
+    return ACCEPTED if pilot.armed and pilot.change_mode(pilot.modes["AUTO"].custom) else FAILED
+
+
+def _take_off_with_rotors(_pilot: SimArduPlane, _ask: CommandRequest) -> int:
+    """Fail: NAV_TAKEOFF is for QuadPlanes."""
+    return FAILED
+
+
+_NOT_KNOWN = frozenset({mav.MAV_CMD_NAV_LAND, mav.MAV_CMD_DO_PAUSE_CONTINUE, mav.MAV_CMD_CONDITION_YAW})
+COMMANDS: Mapping[int, Handler] = {
+    **{command: handler for command, handler in COPTERS.items() if command not in _NOT_KNOWN},
+    mav.MAV_CMD_COMPONENT_ARM_DISARM: _arm,
+    mav.MAV_CMD_DO_REPOSITION: _reposition,
+    mav.MAV_CMD_DO_CHANGE_SPEED: _speed,
+    mav.MAV_CMD_DO_LAND_START: _land,
+    mav.MAV_CMD_NAV_RETURN_TO_LAUNCH: _return,
+    mav.MAV_CMD_NAV_TAKEOFF: _take_off_with_rotors,
+    mav.MAV_CMD_MISSION_START: _start_mission,
+}
+
+
+class SimArduPlane(ArduPilot):
+    """ArduPlane without lifting rotors."""
+
+    vehicle_type: ClassVar[int] = int(mav.MAV_TYPE_FIXED_WING)
+    commands: ClassVar[Mapping[int, Handler]] = COMMANDS
+    modes: ClassVar[Mapping[str, Mode]] = MODES
+    first_mode: ClassVar[str] = "INITIALISING"
+    switched_mode: ClassVar[str] = "MANUAL"
+    speeds_type: ClassVar[type[FlightSpeeds]] = PlaneSpeeds
+    agility: ClassVar[Agility] = Agility(4.0, 3.0, 1.0)
+
+    def __init__(self, boot: Boot) -> None:
+        super().__init__(boot)
+        self.failsafes = PlaneFailsafes(self)
+
+    @property
+    def circle_radius(self) -> float:
+        """WP_LOITER_RAD."""
+        return self.params["WP_LOITER_RAD"]
+
+    @property
+    def passes_within(self) -> float:
+        """WP_RADIUS."""
+        return self.params["WP_RADIUS"]
+
+    def landed_state(self) -> int:
+        """Return on the ground, or in the air: it tells no more."""
+        return int(mav.MAV_LANDED_STATE_ON_GROUND if self.landed else mav.MAV_LANDED_STATE_IN_AIR)
+
+    def setpoint(self, message: object) -> None:
+        """Ignore it silently."""
+
+    def supervise(self) -> None:
+        """Circle at the end of a take-off; fly home at the end of a mission."""
+        super().supervise()
+        if self.mode.name == "TAKEOFF" and self.manoeuvre.done and isinstance(self.manoeuvre, RunwayTakeoff):
+            self.manoeuvre = circle_here(self)
+        if self.armed and self.runs_mission and self.manoeuvre.done and self.flying:
+            self.say(INFO, "Mission complete, changing mode to RTL")
+            self.change_mode(self.modes["RTL"].custom)
+
+    def watch_idle(self) -> None:
+        """Disarm some time after a landing."""
+        if self.touched_at is not None and self.time - self.touched_at > _LANDED_DISARM:
+            self.say(INFO, "Throttle disarmed")
+            self.disarm()
+
+    def pilot_takes_over(self, mode: Mode) -> None:
+        """Change to a mode by the switch of the remote control."""
+        self.enter(mode)

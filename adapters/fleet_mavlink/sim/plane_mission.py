@@ -1,0 +1,81 @@
+"""A mission as planes fly it: places are passed, stays are circles, RTL is the mode."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from typing import TYPE_CHECKING, ClassVar
+
+from pymavlink.dialects.v20 import all as mav
+
+from fleet_mavlink.sim.mission_flight import FlyMission, place_of_item
+from fleet_mavlink.sim.physics import Aim
+from fleet_mavlink.sim.plane_moves import Approach, Circle, Pass, RunwayTakeoff
+
+if TYPE_CHECKING:
+    from fleet_mavlink.sim.autopilot import Autopilot
+    from fleet_mavlink.sim.manoeuvres import Manoeuvre
+    from fleet_mavlink.sim.missions import Item
+
+
+def _pass(pilot: Autopilot, item: Item) -> Manoeuvre:
+    return Pass(*place_of_item(pilot, item), pilot.passes_within)  # type: ignore[attr-defined]
+
+
+def _circle(pilot: Autopilot, item: Item) -> Circle:
+    return Circle(*place_of_item(pilot, item), item.p3 or pilot.circle_radius)  # type: ignore[attr-defined]
+
+
+class _Stay(Circle):
+    """A circle that is never done."""
+
+    def aim(self, pilot: Autopilot) -> Aim:
+        """Return the circle."""
+        wanted = super().aim(pilot)
+        self.done = False
+        return wanted
+
+
+def _stay(pilot: Autopilot, item: Item) -> Manoeuvre:
+    return _Stay(*place_of_item(pilot, item), item.p3 or pilot.circle_radius)  # type: ignore[attr-defined]
+
+
+class _Turns(Circle):
+    """A circle that is done after its turns."""
+
+    def __init__(self, pilot: Autopilot, item: Item) -> None:
+        super().__init__(*place_of_item(pilot, item), item.p3 or pilot.circle_radius)  # type: ignore[attr-defined]
+        self._left = math.tau * item.p1
+        self._seen: float | None = None
+
+    def aim(self, pilot: Autopilot) -> Aim:
+        """Return the circle, and count the turns once it is on it."""
+        wanted = super().aim(pilot)
+        seen = math.atan2(pilot.body.east - self.east, pilot.body.north - self.north)
+        if self.done or self._seen is not None:
+            self._left -= abs(math.remainder(seen - (seen if self._seen is None else self._seen), math.tau))
+            self._seen = seen
+        self.done = self._left <= 0.0
+        return wanted
+
+
+def _land(pilot: Autopilot, item: Item) -> Manoeuvre:
+    north, east, _ = place_of_item(pilot, item)
+    return Approach(north, east)
+
+
+def _take_off(pilot: Autopilot, item: Item) -> Manoeuvre:
+    return RunwayTakeoff(place_of_item(pilot, item)[2])
+
+
+class WingedMission(FlyMission):
+    """Fly the items from the current one on; it begins in a circle where it is."""
+
+    manoeuvres: ClassVar[Mapping[int, Callable[[Autopilot, Item], Manoeuvre]]] = {
+        mav.MAV_CMD_NAV_WAYPOINT: _pass,
+        mav.MAV_CMD_NAV_LOITER_UNLIM: _stay,
+        mav.MAV_CMD_NAV_LOITER_TURNS: _Turns,
+        mav.MAV_CMD_NAV_LOITER_TIME: _circle,
+        mav.MAV_CMD_NAV_LAND: _land,
+        mav.MAV_CMD_NAV_TAKEOFF: _take_off,
+    }

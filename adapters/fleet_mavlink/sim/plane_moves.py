@@ -1,0 +1,154 @@
+"""What a plane does at a time: take off along its nose, circle, pass a place, land."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+from fleet_mavlink.sim.manoeuvres import LANDING, TAKING_OFF, GoTo, Manoeuvre
+from fleet_mavlink.sim.physics import Aim
+
+if TYPE_CHECKING:
+    from fleet_mavlink.sim.autopilot import Autopilot
+
+_PULL = 2.0  # how hard it turns to its circle
+_ON_IT = 15.0  # m from the circle, and
+_AT_HEIGHT = 5.0  # m from its height, at which it has reached it
+_ROTATES = 1.1  # of the slowest speed, at which it lifts its nose
+_FLARES = 8.0  # m above the ground
+_TOUCHES = 0.7  # m/s of descent in the flare
+_SLOPE = 0.1  # of an approach
+_AHEAD = 15.0  # m/s at the end of a transition
+
+
+def forward(pilot: Autopilot, speed: float, vd: float) -> Aim:
+    """Return the flight straight ahead."""
+    heading = pilot.body.heading
+    return Aim(speed * math.cos(heading), speed * math.sin(heading), vd)
+
+
+def _vertical(pilot: Autopilot, down: float) -> float:
+    """Return the climb or descent towards a height, m/s down."""
+    return max(-pilot.speeds.climb, min(pilot.speeds.sink, 0.5 * (down - pilot.body.down)))
+
+
+class Circle(GoTo):
+    """Fly to a circle about a place, and round it; a negative radius goes round to the left."""
+
+    def __init__(
+        self, north: float, east: float, down: float, radius: float, speed: float | None = None
+    ) -> None:
+        super().__init__(north, east, down, speed=speed)
+        self._radius = radius
+
+    def aim(self, pilot: Autopilot) -> Aim:
+        """Return the way to the circle, and along it."""
+        body, radius = pilot.body, abs(self._radius)
+        north, east = body.north - self.north, body.east - self.east
+        off = math.hypot(north, east) - radius
+        self.done = abs(off) < _ON_IT and abs(self.down - body.down) < _AT_HEIGHT
+        course = math.pi / 2 + math.atan(_PULL * off / radius)
+        course = math.atan2(east, north) + math.copysign(course, self._radius)
+        speed = self.speed or pilot.speeds.cruise
+        return Aim(speed * math.cos(course), speed * math.sin(course), _vertical(pilot, self.down))
+
+
+class Pass(GoTo):
+    """Fly over a place; it is reached from ``within`` m on."""
+
+    def __init__(self, north: float, east: float, down: float, within: float) -> None:
+        super().__init__(north, east, down)
+        self._within = within
+
+    def aim(self, pilot: Autopilot) -> Aim:
+        """Return the straight way."""
+        body = pilot.body
+        north, east = self.north - body.north, self.east - body.east
+        self.done = self.done or math.hypot(north, east) < self._within
+        course, speed = math.atan2(east, north), self.speed or pilot.speeds.cruise
+        return Aim(speed * math.cos(course), speed * math.sin(course), _vertical(pilot, self.down))
+
+
+class RunwayTakeoff(Manoeuvre):
+    """Roll, lift at its speed, climb ahead to ``down``."""
+
+    in_air_state = TAKING_OFF
+
+    def __init__(self, down: float) -> None:
+        self.down = down
+
+    def aim(self, pilot: Autopilot) -> Aim:
+        """Return the roll, then the climb."""
+        body, cruise = pilot.body, pilot.speeds.cruise
+        self.done = body.down <= self.down
+        lifts = body.speed >= _ROTATES * body.slowest  # type: ignore[attr-defined]
+        return forward(pilot, cruise, -pilot.speeds.takeoff if lifts or not body.grounded else 0.0)
+
+
+class Touchdown(Manoeuvre):
+    """Flare straight ahead, touch the ground, and roll out."""
+
+    in_air_state = LANDING
+
+    def aim(self, pilot: Autopilot) -> Aim:
+        """Return the flare; brakes on the ground."""
+        body = pilot.body
+        if not body.grounded:
+            return forward(pilot, pilot.speeds.cruise, _TOUCHES)
+        self.done = body.speed < 0.5
+        return Aim(thrust=body.speed > 0.0)
+
+
+class CircleDown(Circle):
+    """Come down in circles to the flare, and land."""
+
+    in_air_state = LANDING
+
+    def __init__(self, pilot: Autopilot, radius: float) -> None:
+        super().__init__(pilot.body.north, pilot.body.east, 0.0, radius)
+        self._touchdown = Touchdown()
+
+    def aim(self, pilot: Autopilot) -> Aim:
+        """Return the circle, then the flare."""
+        if pilot.body.height > _FLARES:
+            around = super().aim(pilot)
+            self.done = False
+            return Aim(around.vn, around.ve, pilot.speeds.landing[0])
+        wanted = self._touchdown.aim(pilot)
+        self.done = self._touchdown.done
+        return wanted
+
+
+class Approach(Manoeuvre):
+    """Come down along a slope to a place, and land there."""
+
+    in_air_state = LANDING
+
+    def __init__(self, north: float, east: float) -> None:
+        self._north = north
+        self._east = east
+        self._touchdown = Touchdown()
+
+    def aim(self, pilot: Autopilot) -> Aim:
+        """Return the slope, then the flare."""
+        body = pilot.body
+        if body.height <= _FLARES:
+            wanted = self._touchdown.aim(pilot)
+            self.done = self._touchdown.done
+            return wanted
+        north, east = self._north - body.north, self._east - body.east
+        left = math.hypot(north, east)
+        course, speed = math.atan2(east, north), pilot.speeds.cruise
+        vd = _vertical(pilot, -max(_FLARES - 1.0, _SLOPE * left))
+        return Aim(speed * math.cos(course), speed * math.sin(course), vd)
+
+
+class Ahead(Manoeuvre):
+    """Fly straight ahead at a height, faster and faster."""
+
+    def __init__(self, down: float) -> None:
+        self._down = down
+
+    def aim(self, pilot: Autopilot) -> Aim:
+        """Return the way ahead."""
+        return forward(pilot, _AHEAD, _vertical(pilot, self._down))

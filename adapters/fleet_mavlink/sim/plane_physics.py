@@ -1,0 +1,59 @@
+"""An aircraft with wings: it flies along its nose, turns by banking, and has a slowest speed."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from fleet_mavlink.sim.physics import GRAVITY, Agility, Aim, Body
+
+_BANK = math.radians(45.0)
+_PUSH = 4.0  # m/s2, of the propeller and of the brakes
+_STEERS = 1.5  # 1/s
+
+
+@dataclass(slots=True)
+class WingedBody(Body):
+    """``slowest``: m/s under which it does not leave the ground, and to which it never slows in the air."""
+
+    slowest: float = 9.0
+
+    def advance(self, aim: Aim, agility: Agility, drift: tuple[float, float], dt: float) -> None:
+        """Move on by ``dt`` seconds: the wanted velocity is turned to, and flown along the nose."""
+        speed, wanted = self.speed, math.hypot(aim.vn, aim.ve)
+        if not self.grounded:
+            wanted = max(self.slowest, wanted)
+        speed += max(-_PUSH * dt, min(_PUSH * dt, wanted - speed))
+        self._turn(aim, max(speed, self.slowest), dt)
+        self.vn, self.ve = speed * math.cos(self.heading), speed * math.sin(self.heading)
+        climb = aim.vd if speed >= self.slowest else max(0.0, aim.vd)
+        self.vd += max(-agility.along * dt, min(agility.along * dt, climb - self.vd))
+        self.pitch = math.atan2(-self.vd, max(speed, 1.0))
+        self.north += (self.vn + drift[0]) * dt
+        self.east += (self.ve + drift[1]) * dt
+        self.down = min(0.0, self.down + self.vd * dt)
+        if self.down >= 0.0:
+            self.vd, self.roll, self.pitch = min(0.0, self.vd), 0.0, 0.0
+
+    def _turn(self, aim: Aim, speed: float, dt: float) -> None:
+        """Turn the nose into the wanted direction, as fast as the bank lets it."""
+        most = GRAVITY * math.tan(_BANK) / speed
+        left = math.remainder(math.atan2(aim.ve, aim.vn) - self.heading, math.tau)
+        still = aim.vn == 0.0 and aim.ve == 0.0
+        self.turn_rate = 0.0 if still else max(-most, min(most, _STEERS * left))
+        self.roll = math.atan2(self.turn_rate * speed, GRAVITY)
+        self.heading = (self.heading + self.turn_rate * dt) % math.tau
+
+
+@dataclass(slots=True)
+class VtolBody(WingedBody):
+    """``hovers``: its rotors carry it, and it moves as a multirotor."""
+
+    hovers: bool = True
+
+    def advance(self, aim: Aim, agility: Agility, drift: tuple[float, float], dt: float) -> None:
+        """Move on by ``dt`` seconds."""
+        if self.hovers:
+            Body.advance(self, aim, agility, drift, dt)
+        else:
+            WingedBody.advance(self, aim, agility, drift, dt)

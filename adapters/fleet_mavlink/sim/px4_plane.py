@@ -1,0 +1,206 @@
+"""PX4 1.16.1 with wings, as it was recorded: a runway take-off, circles, a landing where it is."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import ClassVar
+
+from pymavlink.dialects.v20 import all as mav
+
+from fleet_mavlink.sim.autopilot import Autopilot, Geo, Handler
+from fleet_mavlink.sim.command_request import (
+    ACCEPTED,
+    TEMPORARILY_REJECTED,
+    UNSUPPORTED,
+    CommandRequest,
+    whole,
+)
+from fleet_mavlink.sim.manoeuvres import TAKING_OFF, Idle, Manoeuvre
+from fleet_mavlink.sim.modes import Mode
+from fleet_mavlink.sim.physics import Agility
+from fleet_mavlink.sim.plane_mission import WingedMission
+from fleet_mavlink.sim.plane_moves import Circle, CircleDown, RunwayTakeoff
+from fleet_mavlink.sim.px4 import SimPx4
+from fleet_mavlink.sim.px4_commands import COMMANDS as COPTERS
+from fleet_mavlink.sim.px4_modes import MODES as COPTER_MODES
+from fleet_mavlink.sim.px4_takeoff import Px4Takeoff
+from fleet_mavlink.sim.setpoints import Setpoint
+from fleet_mavlink.sim.speaker import CRITICAL, INFO
+from fleet_mavlink.sim.speeds import FlightSpeeds, Px4Speeds
+
+_LOW = 3.0  # m below its height that it circles for a long time
+_PASSES = 25.0  # m from a place
+_DETECTED_AT = 6.0  # m/s of its roll
+_NEEDS_LANDING = frozenset({2, 3, 4})  # MIS_TKO_LAND_REQ
+
+
+class Px4PlaneSpeeds(Px4Speeds):
+    """FW_*."""
+
+    @property
+    def cruise(self) -> float:
+        """FW_AIRSPD_TRIM, or what was asked for."""
+        return self.asked or self._params["FW_AIRSPD_TRIM"]
+
+    @property
+    def climb(self) -> float:
+        """FW_T_CLMB_R_SP."""
+        return self._params["FW_T_CLMB_R_SP"]
+
+    @property
+    def sink(self) -> float:
+        """FW_T_SINK_R_SP."""
+        return self._params["FW_T_SINK_R_SP"]
+
+    @property
+    def takeoff(self) -> float:
+        """As fast as any climb."""
+        return self.climb
+
+    @property
+    def landing(self) -> tuple[float, float, float]:
+        """1.3 m/s in circles, as seen."""
+        return 1.3, 1.3, 0.0
+
+
+def circle_here(pilot: Autopilot) -> Manoeuvre:
+    """Return the circle about the place where it is; HOLD in a hold goes on with that."""
+    body = pilot.body
+    if body.grounded:
+        return Idle()
+    return Circle(body.north, body.east, body.down, pilot.params["NAV_LOITER_RAD"])
+
+
+def _land(pilot: Autopilot) -> Manoeuvre:
+    if pilot.body.grounded:
+        return Idle()
+    return CircleDown(pilot, pilot.params["NAV_LOITER_RAD"])
+
+
+def _home(pilot: Autopilot) -> Manoeuvre:
+    """Circle over home, at RTL_RETURN_ALT or as high as it is."""
+    if pilot.body.grounded:
+        return Idle()
+    north, east, down = pilot.home_ned()
+    lowest = min(pilot.body.down, down - pilot.params["RTL_RETURN_ALT"])
+    return Circle(north, east, lowest, pilot.params["NAV_LOITER_RAD"])
+
+
+_ENTERED = {
+    "LOITER": circle_here,
+    "OFFBOARD": circle_here,
+    "POSCTL": circle_here,
+    "ORBIT": circle_here,
+    "MISSION": WingedMission,
+    "RTL": _home,
+    "LAND": _land,
+    "PRECLAND": _land,
+}
+MODES = {
+    name: replace(mode, enter=_ENTERED[name]) if name in _ENTERED else mode
+    for name, mode in COPTER_MODES.items()
+}
+
+
+def _reposition(pilot: SimPx4Plane, ask: CommandRequest) -> int:
+    """Circle about a place; NaN keeps what is; the radius in param 3 is not taken."""
+    if not whole(ask.p2) & 1:
+        return UNSUPPORTED
+    return pilot.go((ask.latitude, ask.longitude, ask.altitude), ask.p1)
+
+
+def _altitude(pilot: SimPx4Plane, ask: CommandRequest) -> int:
+    return pilot.go((math.nan, math.nan, ask.p1), -1.0)
+
+
+def _start_mission(pilot: SimPx4Plane, ask: CommandRequest) -> int:
+    """Refuse a mission without a landing, unless MIS_TKO_LAND_REQ says that none is needed."""
+    landing = any(item.command == mav.MAV_CMD_NAV_LAND for item in pilot.missions.items)
+    if int(pilot.params["MIS_TKO_LAND_REQ"]) in _NEEDS_LANDING and not landing:
+        pilot.say(CRITICAL, "Mission rejected: Landing waypoint/pattern required")
+        pilot.say(CRITICAL, "Mission start denied! No valid mission")
+        return TEMPORARILY_REJECTED
+    return COPTERS[mav.MAV_CMD_MISSION_START](pilot, ask) or ACCEPTED
+
+
+COMMANDS: Mapping[int, Handler] = {
+    **COPTERS,
+    mav.MAV_CMD_DO_REPOSITION: _reposition,
+    mav.MAV_CMD_DO_CHANGE_ALTITUDE: _altitude,
+    mav.MAV_CMD_MISSION_START: _start_mission,
+}
+
+
+class SimPx4Plane(SimPx4):
+    """PX4 fixed wing."""
+
+    vehicle_type: ClassVar[int] = int(mav.MAV_TYPE_FIXED_WING)
+    commands: ClassVar[Mapping[int, Handler]] = COMMANDS
+    modes: ClassVar[Mapping[str, Mode]] = MODES
+    speeds_type: ClassVar[type[FlightSpeeds]] = Px4PlaneSpeeds
+    agility: ClassVar[Agility] = Agility(4.0, 3.0, 1.0)
+
+    @property
+    def circle_radius(self) -> float:
+        """NAV_LOITER_RAD."""
+        return self.params["NAV_LOITER_RAD"]
+
+    @property
+    def passes_within(self) -> float:
+        """The distance at which it turns to the next place."""
+        return _PASSES
+
+    def enter(self, mode: Mode) -> None:
+        """Change to a mode, as wings fly it; HOLD goes on with the circle that it flies."""
+        flown = self.manoeuvre
+        super().enter(self.modes[mode.name])
+        if mode.name == "LOITER" and isinstance(flown, Circle) and not isinstance(flown, CircleDown):
+            self.manoeuvre = flown
+
+    def go(self, place: Geo, speed: float) -> int:
+        """Go over into LOITER about a place; what is NaN stays as it is."""
+        result = self.change_mode(self.modes["LOITER"])
+        if result != ACCEPTED or not self.flying or not self.armed:
+            return result
+        wanted = [new if math.isfinite(new) else now for new, now in zip(place, self.geo(), strict=True)]
+        north, east, down = self.ned_of(*wanted)
+        self.manoeuvre = Circle(north, east, down + _LOW, self.circle_radius, speed if speed > 0.0 else None)
+        return ACCEPTED
+
+    def begin_takeoff(self) -> None:
+        """Roll along the nose to the height that was asked for."""
+        asked, self.takeoff = self.takeoff, None
+        if isinstance(asked, Px4Takeoff) and self.body.grounded:
+            self.say(INFO, "Takeoff on runway")
+            self.manoeuvre = RunwayTakeoff(self.down_of(asked.altitude))
+        elif isinstance(asked, Px4Takeoff):
+            self.enter(self.modes["LOITER"])
+        elif asked is not None:
+            self.manoeuvre = asked
+
+    @property
+    def landed(self) -> bool:
+        """True on the ground, until its roll is detected as a take-off."""
+        rolls = isinstance(self.manoeuvre, RunwayTakeoff) and self.body.speed > _DETECTED_AT
+        return self.body.grounded and not rolls
+
+    def landed_state(self) -> int:
+        """Return TAKEOFF until its height is reached."""
+        rolls = isinstance(self.manoeuvre, RunwayTakeoff) and not self.landed
+        return TAKING_OFF if rolls else super().landed_state()
+
+    def fly_setpoint(self, setpoint: Setpoint) -> Manoeuvre:  # noqa: ARG002 - OFFBOARD is taken, and nothing changes
+        """Fly on as it does."""
+        return self.manoeuvre
+
+    def supervise(self) -> None:
+        """Go over into LOITER at the end of a take-off."""
+        flown = self.manoeuvre
+        if isinstance(flown, RunwayTakeoff):
+            if not self.landed and not self.left_ground:
+                self.say_once(INFO, "Takeoff detected")
+            if flown.done:
+                self.enter(self.modes["LOITER"])
+        super().supervise()

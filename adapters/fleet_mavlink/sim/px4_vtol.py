@@ -1,0 +1,127 @@
+"""PX4 1.16.1 as a standard VTOL, as it was recorded: a multirotor in its hover, a plane on its wings."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import ClassVar
+
+from pymavlink.dialects.v20 import all as mav
+
+from fleet_mavlink.sim.autopilot import Boot, Geo, Handler
+from fleet_mavlink.sim.command_request import ACCEPTED, DENIED, CommandRequest, whole
+from fleet_mavlink.sim.manoeuvres import GoTo, Manoeuvre
+from fleet_mavlink.sim.modes import Mode
+from fleet_mavlink.sim.plane_moves import Ahead
+from fleet_mavlink.sim.plane_physics import VtolBody
+from fleet_mavlink.sim.px4 import SimPx4
+from fleet_mavlink.sim.px4_modes import MODES as COPTER_MODES
+from fleet_mavlink.sim.px4_plane import COMMANDS as PLANES
+from fleet_mavlink.sim.px4_plane import Px4PlaneSpeeds, SimPx4Plane
+from fleet_mavlink.sim.setpoints import Setpoint
+from fleet_mavlink.sim.speeds import FlightSpeeds, Px4Speeds
+
+TO_FORWARD, TO_HOVER, HOVERS, FORWARD = 1, 2, 3, 4  # MAV_VTOL_STATE
+_TAKES = {FORWARD: 3.1, HOVERS: 0.9}  # s
+_BY_ROTORS = frozenset({"LAND", "PRECLAND", "RTL"})
+
+
+def _transition(pilot: SimPx4Vtol, ask: CommandRequest) -> int:
+    """Begin it; on the ground it is done at once, and it cannot be armed on its wings then."""
+    to = whole(ask.p1)
+    if to not in _TAKES:
+        return DENIED
+    pilot.go_over(to)
+    return ACCEPTED
+
+
+class SimPx4Vtol(SimPx4Plane):
+    """PX4 standard VTOL."""
+
+    vehicle_type: ClassVar[int] = 22  # MAV_TYPE_VTOL_FIXEDROTOR, which has another name here
+    commands: ClassVar[Mapping[int, Handler]] = {**PLANES, mav.MAV_CMD_DO_VTOL_TRANSITION: _transition}
+    agility = SimPx4.agility
+    body: VtolBody
+
+    def __init__(self, boot: Boot) -> None:
+        self._goes_over: tuple[float, int] | None = None  # when it flies so, and how
+        self._hover: FlightSpeeds = Px4Speeds(boot.params)
+        self._wings: FlightSpeeds = Px4PlaneSpeeds(boot.params)
+        super().__init__(boot)
+        self.speeds = self._hover
+
+    def vtol_state(self) -> int:
+        """Return how it flies, or to what it goes over."""
+        if self._goes_over is not None:
+            return TO_FORWARD if self._goes_over[1] == FORWARD else TO_HOVER
+        return HOVERS if self.body.hovers else FORWARD
+
+    def refusals(self, *, force: bool) -> list[str]:
+        """Return also that it stands there to fly on its wings."""
+        on_wings = [] if self.body.hovers else ["Resolve system health failures first"]
+        return super().refusals(force=force) or on_wings
+
+    def go_over(self, to: int) -> None:
+        """Begin a transition, along its nose; its mode stays."""
+        if (to == HOVERS) is self.body.hovers and self._goes_over is None:
+            return
+        if not self.flying:
+            self._fly_so(to)
+            return
+        self._goes_over = (self.time + _TAKES[to], to)
+        if to == FORWARD:
+            self.manoeuvre = Ahead(self.body.down)
+
+    def _fly_so(self, to: int) -> None:
+        """Fly so from now on."""
+        self._goes_over = None
+        self.body.hovers = to == HOVERS
+        self.speeds = self._hover if self.body.hovers else self._wings
+        if self.armed and self.flying:
+            self.enter(self.mode)
+
+    def enter(self, mode: Mode) -> None:
+        """Change to a mode; it lands, and flies home, with its rotors."""
+        if mode.name in _BY_ROTORS and not self.body.hovers:
+            self._goes_over = None
+            self.body.hovers, self.speeds = True, self._hover
+        if self.body.hovers:
+            SimPx4.enter(self, COPTER_MODES[mode.name])
+        else:
+            super().enter(mode)
+
+    def go(self, place: Geo, speed: float) -> int:
+        """Fly there as it flies now."""
+        if not self.body.hovers:
+            return super().go(place, speed)
+        result = self.change_mode(self.modes["LOITER"])
+        if result == ACCEPTED and self.flying and self.armed:
+            wanted = [new if math.isfinite(new) else now for new, now in zip(place, self.geo(), strict=True)]
+            still = not any(map(math.isfinite, place))
+            if not still:
+                north, east, down = self.ned_of(*wanted)
+                self.manoeuvre = GoTo(north, east, down, speed=speed if speed > 0.0 else None)
+        return result
+
+    def begin_takeoff(self) -> None:
+        """Take off with its rotors."""
+        SimPx4.begin_takeoff(self)
+
+    @property
+    def landed(self) -> bool:
+        """True on the ground, as of a multirotor."""
+        return bool(SimPx4.landed.fget(self))  # type: ignore[attr-defined]
+
+    def landed_state(self) -> int:
+        """Return that of a multirotor."""
+        return SimPx4.landed_state(self)
+
+    def fly_setpoint(self, setpoint: Setpoint) -> Manoeuvre:
+        """Obey it in its hover."""
+        return SimPx4.fly_setpoint(self, setpoint) if self.body.hovers else super().fly_setpoint(setpoint)
+
+    def supervise(self) -> None:
+        """End a transition when its time has come."""
+        if self._goes_over is not None and self.time >= self._goes_over[0]:
+            self._fly_so(self._goes_over[1])
+        SimPx4.supervise(self)

@@ -1,0 +1,199 @@
+"""ArduPlane 4.6.3 with lifting rotors (QuadPlane): its Q modes, and GUIDED as Q_GUIDED_MODE says."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import ClassVar
+
+from pymavlink.dialects.v20 import all as mav
+
+from fleet_mavlink.sim.autopilot import Autopilot, Boot, Handler
+from fleet_mavlink.sim.command_request import ACCEPTED, DENIED, FAILED, CommandRequest, whole
+from fleet_mavlink.sim.manoeuvres import GoTo, Idle, Land, Manoeuvre, Return, Sink, Takeoff, hold
+from fleet_mavlink.sim.modes import GUIDED_BASE, Mode
+from fleet_mavlink.sim.plane import COMMANDS as PLANES
+from fleet_mavlink.sim.plane import MODES as PLANE_MODES
+from fleet_mavlink.sim.plane import PlaneSpeeds, SimArduPlane
+from fleet_mavlink.sim.plane_moves import Ahead, Circle, Pass
+from fleet_mavlink.sim.plane_physics import VtolBody
+from fleet_mavlink.sim.speaker import INFO
+from fleet_mavlink.sim.speeds import ArduPilotSpeeds, FlightSpeeds
+
+TO_FORWARD, TO_HOVER, HOVERS, FORWARD = 1, 2, 3, 4  # MAV_VTOL_STATE
+_FORWARD_TAKES, _HOVER_TAKES = 8.0, 6.0  # s
+_NEAR = 1.5 / (2 * 2.0)  # s2/m: of its cruise airspeed squared, the distance up to which it hovers to a place
+_OFFSET = 7  # MAV_FRAME_LOCAL_OFFSET_NED
+_ABOVE_HOME = {0: 0.0, 5: 0.0, 3: 1.0, 6: 1.0}  # frames
+_STICK_AT_MINIMUM = 2.5  # m/s down
+_LANDED_DISARM = 2.0  # s
+_RTL_HEIGHT = 15.0  # m, Q_RTL_ALT
+
+
+def _sink(pilot: Autopilot) -> Manoeuvre:
+    """Sink: there is no pilot's stick, and that is one at its minimum."""
+    return Idle() if pilot.body.grounded else Sink(_STICK_AT_MINIMUM)
+
+
+def _home(pilot: Autopilot) -> Manoeuvre:
+    return Return(pilot, _RTL_HEIGHT, 0.0)
+
+
+_BY_ROTORS = (
+    Mode("QHOVER", 18, _sink, GUIDED_BASE, position=False),
+    Mode("QLOITER", 19, _sink, GUIDED_BASE),
+    Mode("QLAND", 20, Land, GUIDED_BASE, armable=False),
+    Mode("QRTL", 21, _home, GUIDED_BASE, armable=False),
+)
+MODES = {**PLANE_MODES, **{mode.name: mode for mode in _BY_ROTORS}}
+
+
+def _take_off(pilot: SimQuadPlane, ask: CommandRequest) -> int:
+    """Climb so much above where it stands, in GUIDED; only as an offset."""
+    if ask.frame is not None and ask.frame != _OFFSET:
+        return DENIED
+    height = -ask.altitude if ask.frame is not None else ask.altitude
+    if pilot.mode.name != "GUIDED":
+        pilot.say(INFO, "User Takeoff only in GUIDED mode")
+        return FAILED
+    if not pilot.armed:
+        pilot.say(INFO, "Must be armed for takeoff")
+        return FAILED
+    if pilot.flying:
+        pilot.say(INFO, "Already flying - no takeoff")
+        return FAILED
+    pilot.hover()
+    pilot.manoeuvre = Takeoff(pilot, pilot.body.down - height)
+    return ACCEPTED
+
+
+def _reposition(pilot: SimQuadPlane, ask: CommandRequest) -> int:
+    """Go to a place: hover there with Q_GUIDED_MODE 1, else as a plane."""
+    if not pilot.hovers_in_guided:
+        result = PLANES[mav.MAV_CMD_DO_REPOSITION](pilot, ask)
+        if result == ACCEPTED and pilot.flying and pilot.body.hovers:
+            pilot.go_forward(pilot.manoeuvre)
+        return FAILED if result is None else result
+    above = None if ask.frame is None else _ABOVE_HOME.get(ask.frame)
+    if above is None or pilot.home is None or not math.isfinite(ask.latitude + ask.longitude):
+        return DENIED
+    guided = pilot.modes["GUIDED"].custom
+    if pilot.mode.name != "GUIDED" and not (whole(ask.p2) & 1 and pilot.change_mode(guided)):
+        return FAILED
+    if pilot.flying:
+        pilot.go_to(*pilot.ned_of(ask.latitude, ask.longitude, ask.altitude + above * pilot.home[2]))
+    return ACCEPTED
+
+
+def _transition(pilot: SimQuadPlane, _ask: CommandRequest) -> int:
+    """Take it in AUTO only."""
+    return ACCEPTED if pilot.mode.name == "AUTO" else FAILED
+
+
+COMMANDS: Mapping[int, Handler] = {
+    **PLANES,
+    mav.MAV_CMD_NAV_TAKEOFF: _take_off,
+    mav.MAV_CMD_DO_REPOSITION: _reposition,
+    mav.MAV_CMD_DO_VTOL_TRANSITION: _transition,
+}
+
+
+class SimQuadPlane(SimArduPlane):
+    """ArduPlane with Q_ENABLE 1."""
+
+    commands: ClassVar[Mapping[int, Handler]] = COMMANDS
+    modes: ClassVar[Mapping[str, Mode]] = MODES
+    body: VtolBody
+
+    def __init__(self, boot: Boot) -> None:
+        self._goes_over: tuple[float, Manoeuvre] | None = None  # when it flies forward, and what it does then
+        self._slows_until = 0.0  # on its way back to the hover
+        self._hover: FlightSpeeds = ArduPilotSpeeds(boot.params)
+        self._wings: FlightSpeeds = PlaneSpeeds(boot.params)
+        super().__init__(boot)
+        self.body.hovers = False
+
+    @property
+    def hovers_in_guided(self) -> bool:
+        """Q_GUIDED_MODE."""
+        return bool(self.params["Q_GUIDED_MODE"])
+
+    def vtol_state(self) -> int:
+        """Return how it flies; forward on the ground, too."""
+        if self._goes_over is not None:
+            return TO_FORWARD
+        if not self.body.hovers:
+            return FORWARD
+        return TO_HOVER if self.time < self._slows_until else HOVERS
+
+    def hover(self) -> None:
+        """Fly with the rotors from now on; from its wings it takes a while to slow down."""
+        self._goes_over = None
+        if not self.body.hovers:
+            self._slows_until = self.time + (_HOVER_TAKES if self.flying else 0.0)
+        self.body.hovers, self.speeds = True, self._hover
+
+    def go_forward(self, then: Manoeuvre) -> None:
+        """Begin the transition to forward flight, along its nose."""
+        self.say(INFO, "Transition started airspeed 0.2")
+        self._goes_over = (self.time + _FORWARD_TAKES, then)
+        self.manoeuvre = Ahead(self.body.down)
+
+    def go_to(self, north: float, east: float, down: float) -> None:
+        """Hover to a place; a far one is flown to on its wings."""
+        body = self.body
+        near = _NEAR * self._wings.cruise**2
+        if math.hypot(north - body.north, east - body.east) <= near:
+            self.hover()
+            self.manoeuvre = GoTo(north, east, down)
+            return
+        approach = Pass(north, east, down, near / 2)
+        if body.hovers:
+            self.go_forward(approach)
+        else:
+            self.manoeuvre = approach
+
+    def enter(self, mode: Mode) -> None:
+        """Change to a mode; the Q modes, and GUIDED as it is set, hover, the others fly forward."""
+        super().enter(mode)
+        if not (self.armed and self.flying):
+            return
+        if mode in _BY_ROTORS:
+            self.hover()
+        elif mode.name == "GUIDED" and self.hovers_in_guided:
+            self.hover()
+            self.manoeuvre = hold(self)
+        elif self.body.hovers:
+            self.go_forward(self.manoeuvre)
+
+    def disarm(self) -> None:
+        """Stop the motors."""
+        super().disarm()
+        self.body.hovers, self.speeds = False, self._wings
+
+    def supervise(self) -> None:
+        """End a transition, and the approach to a place."""
+        if self._goes_over is not None and self.time >= self._goes_over[0]:
+            then = self._goes_over[1]
+            self._goes_over = None
+            self.say(INFO, "Transition done")
+            self.body.hovers, self.speeds = False, self._wings
+            self.manoeuvre = (
+                Circle(self.body.north, self.body.east, self.body.down, self.circle_radius)
+                if isinstance(then, Circle)
+                else then
+            )
+        flown = self.manoeuvre
+        if self.mode.name == "GUIDED" and isinstance(flown, Pass) and flown.done:
+            self.hover()
+            self.manoeuvre = GoTo(flown.north, flown.east, flown.down)
+        super().supervise()
+
+    def watch_idle(self) -> None:
+        """Disarm some time after a landing."""
+        by_rotors = self.mode in _BY_ROTORS
+        if by_rotors and self.touched_at is not None and self.time - self.touched_at > _LANDED_DISARM:
+            self.say(INFO, "Throttle disarmed")
+            self.disarm()
+        else:
+            super().watch_idle()

@@ -1,0 +1,47 @@
+"""Reads the parameters by which an aircraft with wings is moved; its state keeps what it tells."""
+
+from __future__ import annotations
+
+from fleet import CommandError
+from fleet_mavlink.parameters import Parameters
+from fleet_mavlink.state import VehicleState
+from fleet_mavlink.vehicle import Vehicle
+
+_FOREVER, _AGAIN = 3600.0, 10.0  # s
+
+
+class WingSettings:
+    """The settings of one vehicle, read at each connect and after each reboot."""
+
+    def __init__(self, vehicle: Vehicle, parameters: Parameters) -> None:
+        self._vehicle = vehicle
+        self._parameters = parameters
+
+    async def keep(self) -> None:
+        """Read them, again after a reboot, until cancelled; nothing to do for what has no wings."""
+        vehicle = self._vehicle
+        while True:
+            while not await vehicle.until(self._is_met, _FOREVER):
+                vehicle.log.debug("nothing with wings is met")
+            reboots = vehicle.state.reboots
+            known = [await self._read(name) for name in self._wanted]
+            await vehicle.restarted(reboots, _FOREVER if all(known) else _AGAIN)
+
+    @property
+    def _wanted(self) -> tuple[str, ...]:
+        """The parameters that it is moved by."""
+        flavour = self._vehicle.flavour
+        return flavour.settings if flavour else ()
+
+    async def _read(self, name: str) -> bool:
+        """Read one; return whether it is known, or does not exist."""
+        try:
+            await self._parameters.read([name])
+        except CommandError as error:
+            self._vehicle.log.info("%s is not known: %s", name, error)
+            return self._vehicle.connected
+        return True
+
+    def _is_met(self, _state: VehicleState) -> bool:
+        """Return whether it answers, and has wings."""
+        return self._vehicle.connected and bool(self._wanted)

@@ -1,0 +1,76 @@
+"""What flies on wings: it circles where a multirotor stands, and has a slowest airspeed."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import ClassVar
+
+from fleet import NotReady, Refused, Velocity
+from fleet_mavlink.flavour import Flavour
+from fleet_mavlink.state import VehicleState
+from fleet_mavlink.vocabulary import ON_WINGS, WINGS
+
+_WIDE = 120.0  # m, the radius of a circle while its parameter is unknown
+_LOOSE, _SHARE = 15.0, 0.15  # m, and share of its radius, by which a circle is flown wider, or beside
+HEIGHT = 8.0  # m; PX4 circles 2 to 7 m below its height for a minute, the more the faster it flies
+
+
+class Winged(Flavour):
+    """Forward flight of any aircraft with wings."""
+
+    wings: ClassVar[bool] = True
+    tolerance: ClassVar[float] = HEIGHT
+    speed_kind: ClassVar[float] = 0.0  # through the air
+    lowest: ClassVar[float] = 15.0
+    passes: ClassVar[float] = 150.0
+    circle: ClassVar[str]  # the parameter with the radius at which it circles, m; its sign is the direction
+    airspeeds: ClassVar[tuple[str, str, str]]  # the parameters: slowest, cruise, fastest
+    lands_here: ClassVar[bool]  # RTL ends on the ground; False: it circles over its home
+    lacking: ClassVar[Mapping[str, str]] = WINGS
+
+    @property
+    def settings(self) -> tuple[str, ...]:
+        """The parameters by which it is moved."""
+        return (self.circle, *self.airspeeds)
+
+    @property
+    def stays_at_home(self) -> bool:
+        """Whether its way home does not end in a landing."""
+        return not self.lands_here
+
+    def stands(self, state: VehicleState) -> bool:  # noqa: ARG002 - never
+        """Return False: it circles."""
+        return False
+
+    def cannot(self, velocity: Velocity, *, turns_in_place: bool | None) -> str:  # noqa: ARG002 - any
+        """Refuse every velocity."""
+        return ON_WINGS
+
+    def radius(self, state: VehicleState) -> float:
+        """Return the radius at which it circles, m."""
+        return abs(state.settings.get(self.circle, _WIDE)) or _WIDE
+
+    def reach(self, state: VehicleState) -> float:
+        """Return how far from the middle of its circle it may be, m."""
+        radius = self.radius(state)
+        return radius + max(_LOOSE, _SHARE * radius)
+
+    def airspeed(self, state: VehicleState, limit: float | None, wanted: float | None) -> float:
+        """Return the airspeed to fly at, m/s: what is wanted, else its cruise, within the limit.
+
+        Raises NotReady while its own airspeeds are unknown, Refused below the slowest.
+        """
+        told = [state.settings.get(name) for name in self.airspeeds]
+        if None in told:
+            raise NotReady("its airspeeds are not known yet", hint="they are read when it is met; try again")
+        slowest, cruise, fastest = (each for each in told if each is not None)
+        speed = min(cruise if wanted is None else wanted, math.inf if limit is None else limit, fastest)
+        if speed < slowest:
+            named = f"{slowest:g} m/s ({self.airspeeds[0]})"
+            whose = "it was asked for" if wanted == speed else "its limit is"
+            raise Refused(
+                f"{whose} {speed:g} m/s, and it cannot fly slower than {named}",
+                hint=f"give limits.speed in fleet.yaml at least {slowest:g}",
+            )
+        return speed

@@ -1,0 +1,165 @@
+"""What every VTOL is flown through: in its hover, over to its wings and back, home.
+
+A step is a coroutine that takes ``it``: the adapter on a link, ``planes``: the list of planes.
+"""
+
+from __future__ import annotations
+
+import asyncio
+
+import pytest
+
+from fleet import Goal, GoTo, NotReady, Unsupported, Vector3, Velocity
+from fleet.errors import CommandError
+from fleet_mavlink.constants import ARDUPILOT
+
+LONG = 300.0  # s
+HEIGHT = 30.0  # m
+SLOWS, HOVERS, FLIES_FORWARD = 2, 3, 4
+FAR = 40.0  # m; to a place much farther off a QuadPlane flies on its wings
+SINKS = 3.0  # m of height that a hold in the hover may lose
+
+
+async def exhausted(steps):
+    return [step async for step in steps]
+
+
+def is_arduplane(it):
+    return it.state.heartbeat.autopilot == ARDUPILOT
+
+
+async def is_set_up(it, planes):
+    """Meet it on the ground; a QuadPlane whose GUIDED does not hover is not moved until it is set up."""
+    await it.until(lambda: it.robot.is_connected and it.state.home_altitude is not None, LONG)
+    await it.until(lambda: it.state.vtol_state != 0, LONG)
+    if is_arduplane(it):
+        await it.until(lambda: "Q_GUIDED_MODE" in it.state.settings, LONG)
+        await it.do("set_parameter", name="Q_GUIDED_MODE", value=0)
+        await it.until(lambda: "takeoff" in it.robot.lacking, LONG)
+        with pytest.raises(Unsupported, match="Q_GUIDED_MODE 1"):
+            await it.do("takeoff", altitude=HEIGHT)
+        await it.do("set_parameter", name="Q_GUIDED_MODE", value=1)
+        await it.until(lambda: "takeoff" not in it.robot.lacking, LONG)
+    await planes.is_met_and_ready(it)
+    with pytest.raises(NotReady):
+        await it.do("transition", to="forward")
+
+
+async def takes_off_with_its_rotors(it, planes):
+    await it.do("takeoff", altitude=HEIGHT)
+    assert it.state.vtol_state == HOVERS
+    assert abs(it.state.relative_altitude - HEIGHT) < SINKS
+    assert planes.speed(it) < 1.0
+    await asyncio.sleep(5.0)
+    assert abs(it.state.relative_altitude - HEIGHT) < SINKS
+    assert planes.speed(it) < 1.0
+
+
+async def is_stopped_in_its_hover(it, planes):
+    """Send it away, and stop it by each word: it stands, and does not sink."""
+    for reason, east in (("stop", FAR), ("emergency_stop", -FAR), ("hover", FAR)):
+        away, _ = planes.place(it, east, 0.0, HEIGHT)
+        going = asyncio.ensure_future(exhausted(it.adapter.navigate(GoTo(Goal(position=away)))))
+        await it.until(lambda: planes.speed(it) > 2.0, LONG)
+        assert it.state.vtol_state in {SLOWS, HOVERS}
+        await it.adapter.stop(reason)
+        assert planes.mode(it) == planes.flavour(it).hold
+        going.cancel()
+        await asyncio.gather(going, return_exceptions=True)
+        height, began = it.state.relative_altitude, planes.session(it).vehicle.now()
+        await it.until(lambda: planes.speed(it) < 1.0, 30.0)
+        while planes.session(it).vehicle.now() - began < 20.0:
+            assert abs(it.state.relative_altitude - height) < SINKS
+            await asyncio.sleep(0.5)
+        assert planes.speed(it) < 1.0, "it stands, where it came to stand or where the stop began"
+
+
+async def goes_to_a_place_in_its_hover(it, planes):
+    position, there = planes.place(it, 20.0, 20.0, HEIGHT)
+    steps = await exhausted(it.adapter.navigate(GoTo(Goal(position=position))))
+    assert steps[-1].percent == 100.0
+    assert planes.away(it, there) < 3.0
+    assert it.state.vtol_state == HOVERS
+
+
+async def goes_over_to_its_wings(it, planes):
+    """Go over; what it takes changes with it, and it takes no velocities there."""
+    await it.do("transition", to="forward")
+    assert it.state.vtol_state == FLIES_FORWARD
+    await it.until(lambda: "move_forward" in it.robot.lacking, 10.0)
+    with pytest.raises(Unsupported):
+        it.adapter.drive(Velocity(Vector3(1.0, 0.0, 0.0)))
+    await it.do("transition", to="forward")
+
+
+async def is_stopped_on_its_wings(it, planes):
+    """Stop it: it circles where it was, at its height."""
+    where, height = it.state.position, it.state.relative_altitude
+    await it.adapter.stop("emergency_stop")
+    assert planes.mode(it) == planes.flavour(it).hold
+    began = planes.session(it).vehicle.now()
+    while planes.session(it).vehicle.now() - began < 25.0:
+        assert planes.speed(it) > 5.0
+        assert planes.away(it, where) < 350.0
+        assert abs(it.state.relative_altitude - height) < 15.0
+        await asyncio.sleep(1.0)
+    assert it.state.vtol_state == FLIES_FORWARD
+
+
+async def flies_to_a_place_on_its_wings(it, planes):
+    """Send it: PX4 circles there, a QuadPlane comes to hover there."""
+    position, there = planes.place(it, 300.0, 100.0, 40.0)
+    steps = await exhausted(it.adapter.navigate(GoTo(Goal(position=position))))
+    assert steps[-1].percent == 100.0
+    if is_arduplane(it):
+        assert it.state.vtol_state == HOVERS
+        assert planes.away(it, there) < 5.0
+    else:
+        assert it.state.vtol_state == FLIES_FORWARD
+        await planes.circles(it, there)
+
+
+async def goes_back_to_its_hover(it, planes):
+    await it.do("transition", to="forward")
+    await it.do("transition", to="hover")
+    assert it.state.vtol_state == HOVERS
+    await it.until(lambda: planes.speed(it) < 1.0, 40.0)
+    height = it.state.relative_altitude
+    await asyncio.sleep(10.0)
+    assert abs(it.state.relative_altitude - height) < SINKS
+    assert planes.speed(it) < 1.5
+
+
+async def flies_home_and_lands(it, planes):
+    home = it.state.home
+    await it.do("return_to_home")
+    assert not it.state.armed
+    assert planes.away(it, home) < 10.0
+
+
+STEPS = (
+    is_set_up,
+    takes_off_with_its_rotors,
+    is_stopped_in_its_hover,
+    goes_to_a_place_in_its_hover,
+    goes_over_to_its_wings,
+    is_stopped_on_its_wings,
+    flies_to_a_place_on_its_wings,
+    goes_back_to_its_hover,
+    flies_home_and_lands,
+)
+
+
+async def fly(it, planes, note):
+    """Fly the list; ``note(line)`` is told how long each step took, and what the autopilot said."""
+    loop = asyncio.get_running_loop()
+    for step in STEPS:
+        began = loop.time()
+        try:
+            await step(it, planes)
+        except (AssertionError, CommandError, TimeoutError, pytest.fail.Exception) as error:
+            note(f"FAILED {step.__name__} after {loop.time() - began:.1f} s: {error}")
+            for said in list(planes.session(it).vehicle.sentences)[-10:] if it.robot.is_connected else ():
+                note(f"    it said: {said.text}")
+            raise
+        note(f"ok     {step.__name__} {loop.time() - began:.1f} s")
