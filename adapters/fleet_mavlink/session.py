@@ -42,6 +42,7 @@ from fleet_mavlink.parameters import Parameters
 from fleet_mavlink.payload_messages import SetupSigning
 from fleet_mavlink.plans import Plans
 from fleet_mavlink.preconditions import require_connection, require_heartbeat
+from fleet_mavlink.remote_id import RemoteId
 from fleet_mavlink.reporter import Reporter
 from fleet_mavlink.state import SILENCE, VehicleState
 from fleet_mavlink.steering import Steering
@@ -143,6 +144,7 @@ class VehicleSession:
         self._reporter.begin()
         keepers = [self.streams.keep(), self.failsafes.keep(), EventKeeper(self.vehicle).keep()]
         keepers.append(Steering(self.vehicle, self.parameters).keep())
+        keepers.append(RemoteId(self.vehicle, self._config.remote_id, self._robot.clock.time).keep())
         if self.fence:
             keepers.append(self.fence.keep())
         work = [asyncio.ensure_future(each) for each in (*losses, *keepers)]
