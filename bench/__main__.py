@@ -13,6 +13,7 @@ NAMES = (
     "ugv",
     "quadruped",
     "mavlink",
+    "watchers",
     "stops",
     "together",
     "pad",

@@ -115,17 +115,19 @@ def measure_edge():
 
 def commands(cloud, notes):
     """Return the seconds from publishing a command to its bytes at the aircraft, one after another."""
-    taken = []
-    for number in range(COMMANDS):
-        system = number % AIRCRAFT + 1
-        notes.forget()
-        began = cloud.send("set_home_here", twin_of(f"drone-{system}"))
-        arrived = notes.first(DO_SET_HOME, {system})
-        if not arrived:
-            sys.exit(f"drone-{system} did not hear command {number + 1}")
-        taken.append(arrived[system] - began)
-        time.sleep(0.02)
-    return taken
+    return [command(cloud, notes, number) for number in range(COMMANDS)]
+
+
+def command(cloud, notes, number):
+    """Send a command to the next aircraft; return the seconds to its bytes there."""
+    system = number % AIRCRAFT + 1
+    notes.forget()
+    began = cloud.send("set_home_here", twin_of(f"drone-{system}"))
+    arrived = notes.first(DO_SET_HOME, {system})
+    if not arrived:
+        sys.exit(f"drone-{system} did not hear command {number + 1}")
+    time.sleep(0.02)
+    return arrived[system] - began
 
 
 def stop_all(edge, notes):

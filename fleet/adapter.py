@@ -66,6 +66,10 @@ class Robot(Protocol):
     def clock(self) -> Clock:
         """The host's clock: ``monotonic()`` s, and ``time()``, Unix s, for the stamps of reports."""
 
+    @property
+    def emergency_stop(self) -> bool:
+        """True while an emergency stop is set, which the host holds: for those who let others command it."""
+
     def report(self, report: Report) -> None:
         """Publish a report; of one channel only the newest until the next tick is kept.
 

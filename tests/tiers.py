@@ -35,6 +35,7 @@ FAST = (
 BUT = (
     # start programs, or wait for sockets and devices
     "adapters/fleet_mavlink/sim/test_foreign_clients.py",
+    "adapters/fleet_mavlink/test_foreign_stations.py",
     "adapters/fleet_mavlink/sim/test_main.py",
     "adapters/fleet_mavlink/sim/test_server.py",
     "adapters/fleet_mavlink/test_session.py",

@@ -36,8 +36,10 @@ from fleet_mavlink.redaction import SigningKeyRedaction
 from fleet_mavlink.session import GENTLE, VehicleSession
 from fleet_mavlink.signing import Signer, key_of
 from fleet_mavlink.sim.spec import SimSpec
+from fleet_mavlink.traffic import tell_traffic
 from fleet_mavlink.transition import TransitionCommands
 from fleet_mavlink.vehicle import Vehicle
+from fleet_mavlink.watching import show
 
 _SIMULATOR = "fleet_mavlink.sim"
 _Distance = Annotated[float, Range(-1000.0, 1000.0, "m")]  # the word says up or down, whatever the sign
@@ -56,8 +58,8 @@ def _simulation(config: MavlinkConfig, start: SimulationStart) -> Simulation:
 
 
 def _replayed(config: Any, robot: Robot) -> MavlinkAdapter:
-    """Return the adapter itself for a replay: it reaches nothing but its link."""
-    return MavlinkAdapter(config, robot)
+    """Return the adapter itself for a replay, reaching nothing but its link."""
+    return MavlinkAdapter(config.model_copy(update={"watchers": (), "traffic": "off"}), robot)
 
 
 class MavlinkAdapter(PayloadCommands, TransitionCommands, UpkeepCommands):
@@ -97,6 +99,8 @@ class MavlinkAdapter(PayloadCommands, TransitionCommands, UpkeepCommands):
         )
         vehicle = await robot.enter(self._claim())
         self._session = VehicleSession(config, robot.limits, self._hub, vehicle, robot)
+        await show(config, robot, self._hub, self._session)
+        await tell_traffic(config, robot, vehicle)
 
     @contextlib.asynccontextmanager
     async def _claim(self) -> AsyncIterator[Vehicle]:

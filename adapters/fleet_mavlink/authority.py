@@ -57,6 +57,13 @@ class Authority:
         """Expect that the command under way ends in one of these modes; a vehicle that is not ours is not."""
         self._expected |= set(modes)
 
+    def taken_by(self, who: str, mode: str) -> None:
+        """Lose authority to somebody who commands the vehicle, which is in ``mode`` now."""
+        if self.lost_to:
+            return
+        self.lost_to, self.cause = mode, f"commanded by {who}"
+        self._lost(f"{who} commands it")
+
     def observe(self, state: VehicleState, flavour: Flavour, alarm: str = "") -> None:
         """Handle a new heartbeat, before its waiters run; ``alarm``: text of a fail-safe."""
         mode = flavour.mode_of(state)

@@ -16,7 +16,14 @@ import msgspec
 from fastcrc import crc16
 from pymavlink.dialects.v20 import all as dialect
 
-from fleet_mavlink import event_messages, messages, mission_messages, payload_messages, transfer_messages
+from fleet_mavlink import (
+    broadcast_messages,
+    event_messages,
+    messages,
+    mission_messages,
+    payload_messages,
+    transfer_messages,
+)
 from fleet_mavlink.messages import MavlinkMessage
 from fleet_mavlink.signing import SIGNATURE_BYTES, Signer
 
@@ -48,14 +55,25 @@ _WIRES: dict[int, Any] = {**dialect.mavlink_map, event_messages.Event.message_id
 _CRC_EXTRA = {number: bytes([kind.crc_extra]) for number, kind in _WIRES.items()}
 
 
+class Unread(MavlinkMessage, frozen=True):
+    """The place of a message that is not decoded here."""
+
+
+UNREAD = Unread()
+
+
 class Frame(msgspec.Struct, frozen=True):
-    """A decoded message and its sender; ``signed`` is the whole frame if it is signed."""
+    """A decoded message and its sender; ``signed`` is the whole frame if it is signed, ``raw`` in any case.
+
+    ``raw`` is kept, and the message may be ``UNREAD``, only where every frame was asked for.
+    """
 
     system: int
     component: int
     message: MavlinkMessage
     version: int = 2
     signed: bytes = b""
+    raw: bytes = b""
 
 
 class _Layout:
@@ -156,7 +174,19 @@ def _wire_values(value: object) -> tuple[object, ...]:
     return (value.encode() if isinstance(value, str) else value,)
 
 
-_MODULES = (event_messages, messages, mission_messages, payload_messages, transfer_messages)
+def is_read(number: int) -> bool:
+    """Return whether messages of this number are decoded here."""
+    return number in _READ
+
+
+_MODULES = (
+    broadcast_messages,
+    event_messages,
+    messages,
+    mission_messages,
+    payload_messages,
+    transfer_messages,
+)
 _READ = {kind.message_id: _Layout(kind) for module in _MODULES for kind in module.INCOMING}
 _WRITE = {kind.message_id: _Layout(kind) for module in _MODULES for kind in module.OUTGOING}
 
@@ -223,8 +253,8 @@ class Parser:
         self.broken = 0  # frames whose checksum was wrong
         self._rest = b""
 
-    def feed(self, data: bytes) -> list[Frame]:
-        """Take received bytes; return the frames of wanted messages that they complete."""
+    def feed(self, data: bytes, *, every: bool = False) -> list[Frame]:
+        """Take received bytes; return the frames of wanted messages that they complete, or every frame."""
         buffer = self._rest + data
         frames: list[Frame] = []
         at, length = 0, len(buffer)
@@ -237,10 +267,12 @@ class Parser:
             end = at + size
             if size == _UNTOLD or end > length:
                 break
-            if size and _is_unwanted(buffer, at, end, number):
+            if size and not every and _is_unwanted(buffer, at, end, number):
                 at = end
             elif size and _is_intact(buffer, at, end, number):
-                if number in _READ:
+                if every:
+                    frames.append(_whole(buffer[at:end], number))
+                elif number in _READ:
                     frames.append(_decoded(buffer[at:end], number))
                 at = end
             else:
@@ -284,6 +316,15 @@ def _is_intact(buffer: bytes, at: int, end: int, number: int) -> bool:
         end -= SIGNATURE_BYTES
     crc_extra = _CRC_EXTRA.get(number)
     return crc_extra is not None and _checksum(buffer[at + 1 : end - 2], crc_extra) == buffer[end - 2 : end]
+
+
+def _whole(frame: bytes, number: int) -> Frame:
+    """Return an intact frame with its bytes; its message is decoded if it is wanted."""
+    if number in _READ:
+        return msgspec.structs.replace(_decoded(frame, number), raw=frame)
+    if frame[0] == _MAGIC_1:
+        return Frame(frame[3], frame[4], UNREAD, 1, raw=frame)
+    return Frame(frame[5], frame[6], UNREAD, 2, frame if frame[2] else b"", frame)
 
 
 def _decoded(frame: bytes, number: int) -> Frame:

@@ -8,7 +8,9 @@ from pydantic import AfterValidator, Field, SecretStr, field_validator
 
 from fleet import AdapterConfig, LinkRefused, Model, parse_link_url
 from fleet_mavlink.failsafes import Keeping, LinkLoss
+from fleet_mavlink.remote_id_config import RemoteIdConfig
 from fleet_mavlink.sim.spec import SimSpec
+from fleet_mavlink.watcher_config import WatcherConfig
 
 
 def _checked_link(text: str) -> str:
@@ -100,6 +102,20 @@ class MavlinkConfig(AdapterConfig):
     )
     allow_kill: bool = Field(
         False, description="Allow the command kill, which stops the motors in the air too: it falls."
+    )
+
+    watchers: tuple[WatcherConfig, ...] = Field(
+        (), max_length=4, description="Ground stations that see the vehicle through this edge."
+    )
+
+    traffic: Literal["off", "tell"] = Field(
+        "off",
+        description="tell: the autopilot is told, as by ADS-B, where the other aircraft of this process are. "
+        "What it does about them is set in its own parameters.",
+    )
+    remote_id: RemoteIdConfig | None = Field(
+        None,
+        description="For the aircraft's Remote ID transmitter; without its consent there is no take-off.",
     )
 
     @field_validator("start")

@@ -27,6 +27,7 @@ from fleet_mavlink.flavour import Flavour, arm_command
 from fleet_mavlink.messages import Ask, CommandInt, CommandLong, SetPositionTargetGlobalInt
 from fleet_mavlink.motion_effect import Effect, effect_of_descent
 from fleet_mavlink.preconditions import home_unknown, not_moved, require_connection, require_heartbeat
+from fleet_mavlink.remote_id import require_remote_id
 from fleet_mavlink.state import VehicleState
 from fleet_mavlink.vehicle import Vehicle
 
@@ -115,6 +116,7 @@ class Flight:
         if self.vehicle.state.armed:
             return
         flavour = self.flavour
+        require_remote_id(self.vehicle)
         if self.mode(self.vehicle.state) != flavour.arming:
             await self.enter(flavour.arming)
         self.authority.expect(flavour.arming)

@@ -6,14 +6,14 @@ import asyncio
 import contextlib
 import logging
 from collections import OrderedDict
-from collections.abc import AsyncIterator, Iterator, Sequence
+from collections.abc import AsyncIterator, Callable, Iterator, Sequence
 from typing import Any
 
 import msgspec
 
 from fleet import Address, Clock, Link, LinkLost, LinkRefused
 from fleet_mavlink.authentication import Trust
-from fleet_mavlink.codec import PLAIN, Frame, FrameSettings, Packer, Parser, pack
+from fleet_mavlink.codec import PLAIN, UNREAD, Frame, FrameSettings, Packer, Parser, pack
 from fleet_mavlink.constants import AUTOPILOT, NO_AUTOPILOT
 from fleet_mavlink.messages import CommandAck, Heartbeat, MavlinkMessage
 from fleet_mavlink.mission_messages import INCOMING as MISSION_MESSAGES
@@ -42,6 +42,7 @@ class LinkHub:
         self._parsers: OrderedDict[Address, Parser] = OrderedDict()
         self._vehicles: dict[int, Vehicle] = {}
         self._heard: dict[int, float] = {}  # when each autopilot was heard last
+        self._taps: dict[int, Callable[[Frame], None]] = {}  # who gets every frame of a vehicle
         self.broken = 0  # frames whose checksum was wrong
 
     @property
@@ -79,12 +80,21 @@ class LinkHub:
         finally:
             del self._vehicles[system]
 
+    @contextlib.contextmanager
+    def tap(self, system: int, give: Callable[[Frame], None]) -> Iterator[None]:
+        """Give every frame of a vehicle, as it came, to somebody else too; ``give`` must not raise."""
+        self._taps[system] = give
+        try:
+            yield
+        finally:
+            del self._taps[system]
+
     def receive(self, data: bytes, address: Address) -> None:
         """Handle received bytes; never raises."""
         try:
             parser = self._parser(address)
             before = parser.broken
-            for frame in parser.feed(data):
+            for frame in parser.feed(data, every=bool(self._taps)):
                 self._route(frame, address)
             self.broken += parser.broken - before
         except Exception:  # noqa: BLE001 - one bad message must not end the link of all vehicles
@@ -110,8 +120,13 @@ class LinkHub:
         vehicle = self._vehicles.get(frame.system)
         if vehicle is None or not vehicle.trust.admits(frame):
             return
+        tap = self._taps.get(frame.system)
+        if tap is not None and vehicle.address in {None, address}:
+            tap(frame)
+        if message is UNREAD:
+            return
         if type(message) in _ADDRESSED and not self._is_for_us(message):
-            vehicle.trust.counts["answers to other stations"] += 1
+            vehicle.trust.counts["answers to other stations"] += tap is None
             return
         if flies:
             vehicle.take(message, address)

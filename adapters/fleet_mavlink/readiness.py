@@ -14,6 +14,7 @@ from fleet_mavlink.flavour import Flavour
 from fleet_mavlink.flight import Flight
 from fleet_mavlink.messages import CommandLong
 from fleet_mavlink.preconditions import require_connection
+from fleet_mavlink.remote_id import trouble_of
 from fleet_mavlink.state import VehicleState
 from fleet_mavlink.texts import Sentence
 
@@ -32,7 +33,13 @@ class Check(msgspec.Struct, frozen=True):
 
 
 def checks(
-    state: VehicleState, flavour: Flavour, sentences: Iterable[Sentence], lost_to: str, now: float
+    state: VehicleState,
+    flavour: Flavour,
+    sentences: Iterable[Sentence],
+    lost_to: str,
+    now: float,
+    *,
+    needs_remote_id: bool = False,
 ) -> list[Check]:
     """Return the checks, in the order in which they become ok after power-on."""
     mode = flavour.mode_of(state)
@@ -50,6 +57,7 @@ def checks(
         Check("fail-safe", not state.failsafe),
         Check("control", not lost_to, (f"taken in {lost_to}",) if lost_to else ()),
         *_remote_control(state),
+        *_remote_id(state, now, wanted=needs_remote_id),
         Check("battery", None if percent is None else not state.failsafe, _percent_words(percent)),
     ]
 
@@ -66,6 +74,12 @@ def _remote_control(state: VehicleState) -> tuple[Check, ...]:
     if heard is None:
         return ()
     return (Check("remote control", heard, () if heard else ("it is not heard",)),)
+
+
+def _remote_id(state: VehicleState, now: float, *, wanted: bool) -> tuple[Check, ...]:
+    """Look whether the Remote ID transmitter allows a take-off, where there is one or must be one."""
+    trouble = trouble_of(state, now, wanted=wanted)
+    return () if trouble is None else (Check("remote ID", not trouble, (trouble,) if trouble else ()),)
 
 
 def _percent_words(percent: float | None) -> tuple[str, ...]:
@@ -97,4 +111,5 @@ async def look(flight: Flight) -> list[Check]:
         pass  # an autopilot without the command sends its reasons unasked, only less often
     now = vehicle.now()
     lost_to = flight.authority.lost_to
-    return checks(vehicle.state, flight.flavour, tuple(vehicle.sentences), lost_to, now)
+    said, wanted = tuple(vehicle.sentences), vehicle.needs_remote_id
+    return checks(vehicle.state, flight.flavour, said, lost_to, now, needs_remote_id=wanted)

@@ -43,6 +43,7 @@ from fleet_mavlink.parameters import Parameters
 from fleet_mavlink.payload_messages import SetupSigning
 from fleet_mavlink.plans import Plans
 from fleet_mavlink.preconditions import require_connection, require_heartbeat
+from fleet_mavlink.remote_id import RemoteId
 from fleet_mavlink.reporter import Reporter
 from fleet_mavlink.state import SILENCE, VehicleState
 from fleet_mavlink.steering import Steering
@@ -144,9 +145,10 @@ class VehicleSession:
         self._robot.every(PERIOD, self._tick)
         self._robot.every(_LOOK, self._look)
         self._reporter.begin()
-        keepers = [self.streams.keep(), self.failsafes.keep(), EventKeeper(self.vehicle).keep()]
-        keepers.append(Steering(self.vehicle, self.parameters).keep())
-        keepers.append(WingSettings(self.vehicle, self.parameters).keep())
+        remote_id = RemoteId(self.vehicle, self._config.remote_id, self._robot.clock.time)
+        settings = Steering(self.vehicle, self.parameters), WingSettings(self.vehicle, self.parameters)
+        parts = self.streams, self.failsafes, EventKeeper(self.vehicle), *settings, remote_id
+        keepers = [part.keep() for part in parts]
         if self.fence:
             keepers.append(self.fence.keep())
         work = [asyncio.ensure_future(each) for each in (*losses, *keepers)]

@@ -10,6 +10,7 @@ from typing import Any
 import msgspec
 
 from fleet import GeoPoint, Vector3
+from fleet_mavlink.broadcast_messages import OpenDroneIdArmStatus
 from fleet_mavlink.constants import (
     ARMED_FLAG,
     FIX_TYPES,
@@ -129,6 +130,8 @@ class VehicleState(msgspec.Struct, frozen=True):
     mission_reached: int | None = None
     sensors: OnboardSensors = OnboardSensors()
     settings: Mapping[str, float] = {}  # the parameters of ``SETTINGS`` that it has told
+    remote_id: OpenDroneIdArmStatus | None = None
+    remote_id_at: float = -math.inf
 
     @property
     def armed(self) -> bool:
@@ -381,6 +384,7 @@ _CHANGES: Mapping[type[MavlinkMessage], Callable[[VehicleState, Any, float], dic
     HomePosition: _home,
     MissionCurrent: _mission,
     ParamValue: _setting,
+    OpenDroneIdArmStatus: lambda _state, message, now: {"remote_id": message, "remote_id_at": now},
     MissionItemReached: lambda _state, message, _now: {"mission_reached": message.seq},
     SysStatus: _sys_status,
     SystemTime: lambda _state, _message, _now: {},

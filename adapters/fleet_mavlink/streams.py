@@ -34,6 +34,8 @@ _LOOK = 1.0  # s between checks of the arriving messages
 _PATIENCE = 3.0  # s, or three periods, without a message after which it is requested again
 _ASK_AGAIN = 5.0  # s between requests for the same message
 _OLD_WAY_AFTER = 2  # requests for the attitude without effect
+_VFR_HUD = 74
+_SHOWN: Mapping[int, float] = {_VFR_HUD: 2.0}  # what ground stations show, and only they
 _KIND = {kind.message_id: kind for kind in (*INCOMING, *payload_messages.INCOMING)}
 
 
@@ -98,7 +100,8 @@ class Streams:
 
     async def _ask_for_missing(self, kind: VehicleKind) -> None:
         """Ask for each message once, and again when it does not come."""
-        for message_id, rate in wanted_rates(self._pose, kind, **self._sensors).items():
+        shown = _SHOWN if self._vehicle.shown_at is not None else {}
+        for message_id, rate in {**shown, **wanted_rates(self._pose, kind, **self._sensors)}.items():
             if message_id not in self._refused and self._is_due(message_id, rate):
                 await self._ask(message_id, rate)
         if self._in_vain > _OLD_WAY_AFTER:
@@ -110,9 +113,15 @@ class Streams:
         asked = self._asked_at.get(message_id)
         if asked is None:
             return True
-        seen = self._vehicle.seen_at.get(_KIND[message_id], -math.inf)
+        seen = self._seen_at(message_id)
         patience = max(_PATIENCE, 3 / rate)
         return now - seen > patience and now - asked > max(_ASK_AGAIN, patience)
+
+    def _seen_at(self, message_id: int) -> float:
+        """Return when a message came last."""
+        if message_id in _KIND:
+            return self._vehicle.seen_at.get(_KIND[message_id], -math.inf)
+        return (self._vehicle.shown_at or {}).get(message_id, -math.inf)
 
     async def _ask(self, message_id: int, rate: float) -> None:
         """Ask for one message; a refusal stands until the vehicle reboots."""

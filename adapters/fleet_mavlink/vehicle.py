@@ -12,6 +12,7 @@ from typing import Any
 
 from fleet import Address, Clock
 from fleet_mavlink.authentication import Trust
+from fleet_mavlink.broadcast_messages import OpenDroneIdArmStatus
 from fleet_mavlink.constants import CAMERA_TYPE, CAMERAS, NO_AUTOPILOT, type_name
 from fleet_mavlink.event_messages import Event
 from fleet_mavlink.events import EventDictionary
@@ -55,9 +56,11 @@ class Vehicle:
         self.address: Address = None
         self.sentences: deque[Sentence] = deque(maxlen=_REMEMBERED)
         self.seen_at: dict[type[MavlinkMessage], float] = {}
+        self.shown_at: dict[int, float] | None = None  # messages to ground stations, by number; None: to none
         self.on_heartbeat: Callable[[], None] = _nothing
         self.on_ack: Callable[[CommandAck], None] = _ignore
         self.on_sentence: Callable[[Sentence], None] = _ignore
+        self.needs_remote_id = False  # to take off, as fleet.yaml says
         self.turns_in_place: bool | None = None  # of what moves on the surface; None: not known
         self.camera: Part | None = None
         self.dictionary: EventDictionary | None = None  # of its events
@@ -130,7 +133,7 @@ class Vehicle:
 
     def take_part(self, component: int, message: MavlinkMessage) -> None:
         """Handle a message of another component of the vehicle: a camera, or a gimbal."""
-        if isinstance(message, GimbalDeviceAttitudeStatus):
+        if isinstance(message, GimbalDeviceAttitudeStatus | OpenDroneIdArmStatus):
             self.state = reduce(self.state, message, self.now())
             self._wake()
         elif component in CAMERAS:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import contextvars
 import errno
 import socket
 import threading
@@ -39,7 +40,18 @@ class UdpLink:
         # Held for one system call: a thread must not write to a descriptor that was closed and then reused.
         self._lock = threading.Lock()
         self._loop = asyncio.get_running_loop()
-        self._loop.add_reader(sock, self._readable)
+        self._context = contextvars.copy_context()
+        self._listen()
+
+    def _listen(self) -> None:
+        """Read what arrives from now on, on behalf of the robot that opened the link."""
+        self._context.run(self._loop.add_reader, self._sock, self._readable)
+
+    def _listen_again(self) -> None:
+        """Read on after an error of the socket: libuv stops watching a descriptor that had one."""
+        if not self._ending.ended:
+            self._loop.remove_reader(self._sock)
+            self._listen()
 
     def fileno(self) -> int:
         """Return the socket's descriptor, -1 once it is closed."""
@@ -67,6 +79,10 @@ class UdpLink:
                 self._sock.sendto(data, target)
             else:
                 self._sock.send(data)
+        except ConnectionRefusedError:
+            with contextlib.suppress(RuntimeError):  # the loop is closed
+                self._loop.call_soon_threadsafe(self._listen_again)
+            return False
         except OSError:
             return False
         return True
@@ -77,7 +93,8 @@ class UdpLink:
             try:
                 data, address = self._sock.recvfrom(_LARGEST)
             except ConnectionRefusedError:
-                continue  # ICMP error of an earlier send: nobody listens there yet
+                self._listen_again()  # ICMP error of an earlier send: nobody listens there yet
+                continue
             except OSError:
                 return
             if self._learns:

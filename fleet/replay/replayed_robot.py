@@ -74,6 +74,7 @@ class ReplayedRobot:
         self.clock = clock
         self.state = state
         self.log = logging.getLogger(f"fleet.replay.{name}")
+        self.emergency_stop = False
         self.log.propagate = False  # what it says of the past is no news
         self.said: dict[str, list[Said]] = {}
         self.channels: dict[int, frozenset[str]] = {}

@@ -67,7 +67,7 @@ class _Robot:
 
     ``lacking``: what of its adapter's vocabulary the robot does not have, with the reason.
     ``limits``: those that are said to be in force; ``state`` outlives attempts. ``is_connected``: ``connect``
-    of its adapter has returned.
+    of its adapter has returned. ``emergency_stop``: one is set, as a test wants.
     """
 
     def __init__(self, name: str, limits: Limits) -> None:
@@ -75,6 +75,7 @@ class _Robot:
         self.limits = limits
         self.state: dict[str, Any] = {}
         self.is_connected = False
+        self.emergency_stop = False
         self._contexts = contextlib.AsyncExitStack()
         self._blocking = BlockingCalls(name)
         self.log = logging.getLogger(f"fleet.robot.{name}")

@@ -78,9 +78,11 @@ class ArduPilot(Autopilot):
             return ["System not initialised"]
         if not self.mode.armable or (self.mode.name == "AUTO" and not self.missions.loaded):
             return [f"{self.mode.name} mode not armable"]
+        remote_id = self.equipment.remote_id
+        unsent = remote_id.refusal(self.time) if remote_id is not None else ""
+        found = [f"OpenDroneID: {unsent}"] if unsent else []
         if force:
-            return []
-        found = []
+            return found
         if self.mode.position and not self.has_position:
             found.append("Need Position Estimate")
         if self.outside_fence((self.body.north, self.body.east, self.body.down)):

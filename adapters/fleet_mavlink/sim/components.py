@@ -1,7 +1,8 @@
-"""Components beside the simulated autopilot, on its link: a gimbal, an ADS-B receiver, a camera."""
+"""Components beside the simulated autopilot on its link: a gimbal, an ADS-B receiver, camera, Remote ID."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Mapping
 from typing import Any
 
@@ -9,6 +10,7 @@ from pymavlink.dialects.v20 import all as mav
 
 from fleet_mavlink.sim.command_request import ACCEPTED, UNSUPPORTED, ask_of, whole
 from fleet_mavlink.sim.gimbal import DEVICE, SimGimbal
+from fleet_mavlink.sim.remote_id import SimRemoteId
 from fleet_mavlink.sim.vehicle import SimVehicle
 
 _CAMERA = 100
@@ -120,4 +122,34 @@ class SimCamera(Component):
         )
 
 
-ACCESSORIES: Mapping[str, type[Component]] = {"gimbal": GimbalDevice, "adsb": Component, "camera": SimCamera}
+class RemoteIdTransmitter(Component):
+    """A Remote ID transmitter; it tells once a second whether it is content, to its autopilot and to all."""
+
+    component = int(mav.MAV_COMP_ID_ODID_TXRX_1)
+    kind = int(mav.MAV_TYPE_ODID)
+
+    def __init__(self, vehicle: SimVehicle) -> None:
+        super().__init__(vehicle)
+        vehicle.equipment.remote_id = SimRemoteId()
+        self._told_at = -math.inf
+
+    def told(self, now: float) -> list[object]:
+        """Tell whether it is content."""
+        known = self._vehicle.equipment.remote_id
+        if known is None or now - self._told_at < 1.0 or "remote_id_silent" in self._vehicle.faults:
+            return []
+        self._told_at = now
+        wanting = known.wanting(now, located=self._vehicle.pilot.origin_set)
+        bad = mav.MAV_ODID_ARM_STATUS_PRE_ARM_FAIL_GENERIC
+        status = bad if wanting else mav.MAV_ODID_ARM_STATUS_GOOD_TO_ARM
+        message = mav.MAVLink_open_drone_id_arm_status_message(status, wanting.encode())
+        known.take_arm_status(message, now)
+        return [message]
+
+
+ACCESSORIES: Mapping[str, type[Component]] = {
+    "gimbal": GimbalDevice,
+    "adsb": Component,
+    "camera": SimCamera,
+    "remote_id": RemoteIdTransmitter,
+}

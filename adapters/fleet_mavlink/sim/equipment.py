@@ -7,23 +7,26 @@ from typing import TYPE_CHECKING
 from fleet_mavlink.sim.compass import SimCompass
 from fleet_mavlink.sim.gimbal import SimGimbal
 from fleet_mavlink.sim.logs import SimLogs
+from fleet_mavlink.sim.remote_id import SimRemoteId
 
 if TYPE_CHECKING:
     from fleet_mavlink.sim.autopilot import Autopilot
 
 
 class Equipment:
-    """Logs, a compass, and a gimbal where there is one."""
+    """Logs, a compass, and a gimbal and Remote ID where there is one."""
 
     def __init__(self, *, ardupilot: bool) -> None:
         self.logs = SimLogs(1 if ardupilot else 0)
         self.compass = SimCompass(words=not ardupilot)
         self.gimbal: SimGimbal | None = None
+        self.remote_id: SimRemoteId | None = None
 
     def reboot(self) -> None:
         """End what was under way."""
         self.logs.reboot()
         self.compass = SimCompass(words=self.compass.words)
+        self.remote_id = SimRemoteId() if self.remote_id is not None else None
 
     def tick(self, pilot: Autopilot, dt: float) -> list[object]:
         """Move on; return what is told of its own accord."""
@@ -31,4 +34,6 @@ class Equipment:
         told += self.compass.tick(pilot.time, pilot, fails="compass_fails" in pilot.faults)
         if self.gimbal is not None:
             self.gimbal.tick(dt)
+        if self.remote_id is not None:
+            self.remote_id.say(pilot)
         return told

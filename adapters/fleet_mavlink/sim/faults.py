@@ -18,6 +18,7 @@ VEHICLE_FAULTS: Mapping[str, str] = {
     "pilot_takeover": "a pilot switches the mode by remote control",
     "rc_loss": "no remote control is heard; PX4 only misses one that it has (COM_RC_IN_MODE 0)",
     "reboot": "the autopilot restarts now",
+    "remote_id_silent": "the Remote ID transmitter is not heard",
     "wander": "metres by which PX4 misjudges its height on the ground, up and down, until it takes off",
     "wind": "metres per second of gusty wind from the west; more than 12 carries it away",
 }

@@ -67,6 +67,9 @@ def simulated_vehicle(config: MavlinkConfig, start: SimulationStart) -> Simulati
         "backup_links": (),
         "signing_key": None,
         "failsafes": "set",
+        "watchers": (),
+        "remote_id": None,
+        "traffic": "off",
     }
     return Simulation(
         what=f"simulated {_NAMES[spec.flavour]} {spec.vehicle}",

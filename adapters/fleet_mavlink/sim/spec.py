@@ -31,7 +31,7 @@ class SimSpec(msgspec.Struct, frozen=True):
     ``home``: latitude, longitude (degrees), altitude (m above sea level), heading (degrees).
     ``ready``: seconds of simulation until it can be armed; None: as the real one (42.6 s, 4.6 s).
     ``speed``: seconds of simulation in one second. ``faults``: from the start. ``accessories``: what
-    else speaks on its link, ``gimbal``, ``adsb`` and ``camera``.
+    else speaks on its link, ``gimbal``, ``adsb``, ``camera`` and, of ArduPilot, ``remote_id``.
     """
 
     flavour: Literal["ardupilot", "px4"]
@@ -42,12 +42,14 @@ class SimSpec(msgspec.Struct, frozen=True):
     speed: float = 1.0
     faults: dict[str, float] = {}
     seed: int = 1
-    accessories: tuple[Literal["gimbal", "adsb", "camera"], ...] = ()
+    accessories: tuple[Literal["gimbal", "adsb", "camera", "remote_id"], ...] = ()
 
     def __post_init__(self) -> None:
         """Raise ValueError for values that no vehicle can have."""
         if self.vehicle not in VEHICLES[self.flavour]:
             raise ValueError(f"there is no simulated {self.vehicle} on {self.flavour}")
+        if "remote_id" in self.accessories and self.flavour != "ardupilot":
+            raise ValueError("only ArduPilot is simulated with remote_id")
         if not 1 <= self.system_id <= 254:
             raise ValueError(f"system id {self.system_id} is not 1 to 254")
         if not 0.01 <= self.speed <= 100.0:

@@ -35,6 +35,7 @@ from fleet_mavlink.sim.px4 import SimPx4
 from fleet_mavlink.sim.px4_plane import SimPx4Plane
 from fleet_mavlink.sim.px4_vtol import SimPx4Vtol
 from fleet_mavlink.sim.quadplane import SimQuadPlane
+from fleet_mavlink.sim.remote_id import MESSAGES as REMOTE_ID_MESSAGES
 from fleet_mavlink.sim.rover import SimArduRover
 from fleet_mavlink.sim.rover_physics import WheeledBody
 from fleet_mavlink.sim.spec import VehicleName
@@ -264,6 +265,12 @@ def _files(pilot: Autopilot, message: object) -> Iterable[object]:
     return answer(message, FILES if isinstance(pilot, SimPx4) else {})
 
 
+def _remote_id(pilot: Autopilot, message: object) -> None:
+    """Open Drone ID: only an autopilot with a transmitter takes it."""
+    if pilot.equipment.remote_id is not None:
+        pilot.equipment.remote_id.take(message, pilot.time)
+
+
 def _list_logs(pilot: Autopilot, message: object) -> Iterable[object]:
     """LOG_REQUEST_LIST: ArduPilot tells its logs on the ground only."""
     if pilot.armed and isinstance(pilot, ArduPilot):
@@ -288,6 +295,7 @@ _HANDLERS: Mapping[str, Callable[[Any, object], Iterable[object] | None]] = {
     "MISSION_REQUEST_INT": lambda pilot, message: pilot.missions.request(message, pilot.home),
     "MISSION_REQUEST_LIST": lambda pilot, message: pilot.missions.request_list(message),
     "MISSION_SET_CURRENT": _set_current,
+    **dict.fromkeys(REMOTE_ID_MESSAGES, _remote_id),
     "PARAM_REQUEST_LIST": lambda pilot, _message: pilot.params.asked_list(),
     "PARAM_REQUEST_READ": lambda pilot, message: pilot.params.asked_read(message),
     "PARAM_SET": lambda pilot, message: pilot.params.asked_set(message),

@@ -123,16 +123,13 @@ class Changes:
             return ChangesAnswer((), file, f"{file} cannot be used; nothing was changed: {error}")
         found = await asyncio.to_thread(_found, self._running, new)
         if asked.do == "diff":
-            return ChangesAnswer(tuple(map(self._judged, found)), file)
+            planned = (msgspec.structs.replace(each, why=each.why or self._hindrance(each)) for each in found)
+            return ChangesAnswer(tuple(planned), file)
         changes = await self._apply(found, new, asked)
         await self._keep()
         return ChangesAnswer(changes, file)
 
     # -- what would be done ----------------------------------------------------------------------------
-
-    def _judged(self, change: Change) -> Change:
-        """Return a change with why it would be refused now."""
-        return msgspec.structs.replace(change, why=change.why or self._hindrance(change))
 
     def _hindrance(self, change: Change) -> str:
         """Return why a robot or a section cannot be changed now; empty when it can."""

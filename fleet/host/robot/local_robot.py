@@ -363,6 +363,7 @@ class LocalRobot:
             publish=self._reported,
             healthy=runner.healthy,
             lost_authority=self.controller.authority_lost,
+            latched=lambda: self.controller.latched,
             lacking=self._can.lacking,
             failed=runner.crashed,
             supervised=self._supervised,
@@ -394,7 +395,6 @@ class LocalRobot:
             self._online = online
             kind, session = ("connected", "telemetry_start") if online else ("disconnected", "telemetry_end")
             fields = {} if online else {"reason": self.runner.health.cause}
-            now = self.clock.time()
-            self.publish(TelemetryReport(now, kind, fields))
+            self.publish(TelemetryReport(now := self.clock.time(), kind, fields))
             self.publish(TelemetryReport(now, session))
         self._changed(self.name)

@@ -46,6 +46,7 @@ class RobotHandle:
         publish: Callable[[Report], None],
         healthy: Callable[[Health], None],
         lost_authority: Callable[[str], None],
+        latched: Callable[[], bool],
         lacking: dict[str, str],
         failed: Callable[[Exception], None],
         supervised: SupervisorClient,
@@ -69,10 +70,16 @@ class RobotHandle:
         self._publish = publish
         self._healthy = healthy
         self._lost_authority = lost_authority
+        self._latched = latched
         self._lacking = lacking
         self._failed = failed
         self._periodics: list[PeriodicCall] = []
         self._closed = False
+
+    @property
+    def emergency_stop(self) -> bool:
+        """True while an emergency stop is set."""
+        return self._latched()
 
     def report(self, report: Report) -> None:
         """Publish a report; the first says that the robot answers, unless its adapter speaks for itself."""

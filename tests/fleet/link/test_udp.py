@@ -74,6 +74,23 @@ async def test_a_peer_that_is_not_there_yet_is_heard_once_it_is(hearing):
     await link.close()
 
 
+async def test_a_peer_that_was_not_there_for_a_while_is_heard_again(hearing, free_udp_port):
+    """An event loop of libuv stops watching a socket that had an ICMP error."""
+    answered = hearing()
+    speaking = await open_link(f"udpout:127.0.0.1:{free_udp_port}", answered)
+    for _ in range(5):
+        speaking.send(b"is anybody there?")
+        await asyncio.sleep(0.01)
+    heard = hearing()
+    listening = await open_link(f"udpin:127.0.0.1:{free_udp_port}", heard)
+    speaking.send(b"hello")
+    await heard.until(b"hello")
+    listening.send(b"there")
+    await answered.until(b"there")
+    await speaking.close()
+    await listening.close()
+
+
 async def test_a_stop_goes_out_from_another_thread_while_the_loop_is_stuck(pair):
     listening, speaking, heard, answered = pair
     speaking.send(b"hello")

@@ -77,6 +77,7 @@ class Stage:
             publish=self.reports.append,
             healthy=runner.healthy,
             lost_authority=self.bench.controller.authority_lost,
+            latched=lambda: False,
             lacking={},
             failed=runner.crashed,
             supervised=SupervisorClient(),

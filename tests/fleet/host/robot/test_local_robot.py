@@ -9,6 +9,7 @@ from fleet.model.report import JointReport, JointTags
 from fleet.robot_config import AdapterConfig
 from fleet.wire.databus import decode_report, encode_report
 from fleet.wire.reports import sender, to_mqtt
+from tests.fleet.host.field import Field, Walker
 
 TWIN = "6f0c9a1e-0000-4000-8000-000000000001"
 
@@ -45,3 +46,13 @@ def test_a_plugin_with_both_arms_on_one_twin_says_of_each_report_which_it_is(rol
             message = json.loads(payload)
             assert message["source_type"] == word
             assert "role" not in message
+
+
+async def test_an_adapter_is_told_of_an_emergency_stop_from_its_latching_to_its_release():
+    async with Field({"rex": (Walker, (0.0, 0.0, 0.0))}).running() as field:
+        told, latch = field.made["rex"].robot, field.robots["rex"].controller.latch
+        assert not told.emergency_stop
+        field.robots["rex"].controller.emergency("asked by desk")
+        assert told.emergency_stop
+        latch.release()
+        assert not told.emergency_stop

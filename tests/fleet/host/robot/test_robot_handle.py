@@ -19,6 +19,7 @@ class Heard:
 
     def __init__(self, supervised=None, *, connected=True):
         self.all = []
+        self.latched = False
         self.lacking = {}
         self.scheduler = TickScheduler(asyncio.get_running_loop(), SystemClock())
         self.handle = RobotHandle(
@@ -32,6 +33,7 @@ class Heard:
             publish=self.all.append,
             healthy=self.all.append,
             lost_authority=self.all.append,
+            latched=lambda: self.latched,
             lacking=self.lacking,
             failed=self.all.append,
             supervised=supervised or SupervisorClient(),
@@ -43,6 +45,13 @@ class Heard:
         self.handle.report(BatteryReport(1.0))
         self.handle.health(Health(Level.OFFLINE, "gone"))
         self.handle.authority_lost("a pilot")
+
+
+async def test_an_adapter_is_told_whether_an_emergency_stop_is_set():
+    heard = Heard()
+    assert not heard.handle.emergency_stop
+    heard.latched = True
+    assert heard.handle.emergency_stop
 
 
 async def test_what_an_adapter_says_is_passed_on():

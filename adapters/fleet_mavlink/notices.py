@@ -1,0 +1,33 @@
+"""Says why something was refused, once a minute for each reason."""
+
+from __future__ import annotations
+
+import logging
+import math
+from collections.abc import Callable
+
+_EVERY = 60.0  # s
+_MOST = 100  # reasons
+_OTHERS = "others"  # the reason under which all further ones are counted
+
+
+class Notices:
+    """Warnings of one log; ``now`` returns monotonic seconds."""
+
+    def __init__(self, log: logging.Logger, now: Callable[[], float]) -> None:
+        self._log, self._now = log, now
+        self._said: dict[str, float] = {}
+        self._since: dict[str, int] = {}
+
+    def add(self, reason: str, line: str) -> bool:
+        """Count one; return whether it was said now. Text from outside must not become a reason."""
+        if reason not in self._said and len(self._said) >= _MOST:
+            reason = _OTHERS
+        now = self._now()
+        if now - self._said.get(reason, -math.inf) < _EVERY:
+            self._since[reason] = self._since.get(reason, 0) + 1
+            return False
+        self._said[reason] = now
+        more = self._since.pop(reason, 0)
+        self._log.warning("%s%s", line, f" ({more} more since)" if more else "")
+        return True

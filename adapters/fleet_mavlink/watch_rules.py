@@ -1,0 +1,152 @@
+"""What a ground station beside the edge may send to a vehicle, by message. Pure.
+
+Messages are pymavlink's, decoded. What no table names is for nobody.
+"""
+
+from __future__ import annotations
+
+import enum
+import math
+from collections.abc import Iterable
+from typing import Any
+
+from fleet_mavlink.codec import is_read
+from fleet_mavlink.constants import Cmd
+from fleet_mavlink.messages import CommandLong
+
+_FASTEST = 200_000.0  # us between messages that a station may ask for by itself
+_HERE = -1.0  # speed of DO_REPOSITION: the autopilot's own
+
+
+class Need(enum.Enum):
+    """Who may send a message."""
+
+    NOBODY_HEARS = "it is the station's own"  # taken here, neither passed on nor refused
+    ANYBODY = "reads"
+    STOP = "stops the vehicle"
+    OPERATOR = "changes something"
+    TAKES_OVER = "moves the vehicle"  # for an operator, who has taken it over then
+    NOBODY = "nobody may"
+
+
+_OWN = frozenset({"HEARTBEAT", "PING", "REQUEST_DATA_STREAM", "SYSTEM_TIME", "TIMESYNC"})
+"""Heartbeats are never passed on: an autopilot that heard them would not notice the loss of this edge. Nor
+are the old requests for streams: ArduPilot would change the rates by which this edge flies it."""
+_READS = frozenset(
+    {
+        "MISSION_ACK",
+        "MISSION_REQUEST",
+        "MISSION_REQUEST_INT",
+        "MISSION_REQUEST_LIST",
+        "MISSION_REQUEST_PARTIAL_LIST",
+        "PARAM_EXT_REQUEST_LIST",
+        "PARAM_EXT_REQUEST_READ",
+        "PARAM_REQUEST_LIST",
+        "PARAM_REQUEST_READ",
+    }
+)
+_CHANGES = frozenset(
+    {
+        "LOG_REQUEST_DATA",
+        "LOG_REQUEST_END",
+        "LOG_REQUEST_LIST",
+        "MISSION_CLEAR_ALL",
+        "MISSION_COUNT",
+        "MISSION_WRITE_PARTIAL_LIST",
+        "PARAM_EXT_SET",
+        "PARAM_SET",
+    }
+)
+_MOVES = frozenset(
+    {
+        "MISSION_SET_CURRENT",
+        "SET_ATTITUDE_TARGET",
+        "SET_POSITION_TARGET_GLOBAL_INT",
+        "SET_POSITION_TARGET_LOCAL_NED",
+    }
+)
+_GUIDED_ITEM = 2  # ``current`` of a mission item that is a place to fly to at once
+_READ_COMMANDS = frozenset({410, 510, 512, 519, 520, 521, 522, 525, 527, 2504, 2505})
+_UNMOVING_COMMANDS = frozenset({*range(200, 207), 1000, 1001, *range(2000, 2600)})  # gimbal and camera
+_READ_FILES = frozenset({1, 2, 3, 4, 5, 14, 15})  # opcodes of MAVLink FTP that change no file
+_NAV_LAND = 21
+_FTP_OPCODE = 3  # its place in the payload
+
+
+def need_of(message: Any, stops: Iterable[CommandLong] = ()) -> Need:
+    """Return who may send a message; ``stops`` are the commands that brake and hold this vehicle."""
+    name = message.get_type()
+    if name in {"COMMAND_LONG", "COMMAND_INT"}:
+        return _need_of_command(message, stops)
+    if name == "SET_MODE":
+        return _need_of_mode(message, stops)
+    if name == "FILE_TRANSFER_PROTOCOL":
+        return Need.ANYBODY if message.payload[_FTP_OPCODE] in _READ_FILES else Need.OPERATOR
+    if name in {"MISSION_ITEM", "MISSION_ITEM_INT"}:
+        return Need.TAKES_OVER if message.current == _GUIDED_ITEM else Need.OPERATOR
+    for names, need in _TABLES:
+        if name in names:
+            return need
+    return Need.NOBODY
+
+
+_TABLES = (
+    (_OWN, Need.NOBODY_HEARS),
+    (_READS, Need.ANYBODY),
+    (_CHANGES, Need.OPERATOR),
+    (_MOVES, Need.TAKES_OVER),
+)
+
+
+def _need_of_command(message: Any, stops: Iterable[CommandLong]) -> Need:
+    """Return who may send a COMMAND_LONG or COMMAND_INT."""
+    command = message.command
+    if command in _READ_COMMANDS:
+        return Need.ANYBODY
+    if command == Cmd.SET_MESSAGE_INTERVAL:
+        return Need.NOBODY if why_not_at_this_rate(message) else Need.ANYBODY
+    if _is_stop(message, stops):
+        return Need.STOP
+    return Need.OPERATOR if command in _UNMOVING_COMMANDS else Need.TAKES_OVER
+
+
+def why_not_at_this_rate(message: Any) -> str:
+    """Return why a message is not streamed as SET_MESSAGE_INTERVAL asks, empty when it may be."""
+    if not math.isfinite(message.param1) or is_read(int(message.param1)):
+        return "this edge has set the rate of that message"
+    if not message.param2 >= _FASTEST:
+        return "5 Hz at most, and no message is switched off"
+    return ""
+
+
+def _is_stop(message: Any, stops: Iterable[CommandLong]) -> bool:
+    """Return whether a command brakes and holds the vehicle where it is, and does nothing else."""
+    if message.command == Cmd.DO_PAUSE_CONTINUE:
+        return bool(message.param1 == 0.0)
+    if message.get_type() == "COMMAND_LONG" and message.command == Cmd.DO_REPOSITION:
+        place = (message.param5, message.param6, message.param7)  # so a ground station pauses PX4
+        return message.param1 == _HERE and all(math.isnan(each) for each in place)
+    return _is_among(message, stops)
+
+
+def comes_down(message: Any, ways: Iterable[CommandLong]) -> bool:
+    """Return whether a message lands the vehicle or sends it home, by a command or by one of these modes."""
+    if message.get_type() not in {"COMMAND_LONG", "COMMAND_INT"}:
+        return False
+    return message.command in {Cmd.NAV_RETURN_TO_LAUNCH, _NAV_LAND} or _is_among(message, ways)
+
+
+def _is_among(message: Any, commands: Iterable[CommandLong]) -> bool:
+    """Return whether a COMMAND_LONG is one of these commands."""
+    given = (message.command, message.param1, message.param2, message.param3)
+    among = {(each.command, each.param1, each.param2, each.param3) for each in commands}
+    return message.get_type() == "COMMAND_LONG" and given in among
+
+
+def _need_of_mode(message: Any, stops: Iterable[CommandLong]) -> Need:
+    """Return who may send SET_MODE, whose mode is the number that a heartbeat shows."""
+    main = float(message.custom_mode)
+    packed = (float(message.custom_mode >> 16 & 0xFF), float(message.custom_mode >> 24))
+    asked = [stop for stop in stops if stop.command == Cmd.DO_SET_MODE]
+    is_stop = any((stop.param2, stop.param3) in {(main, 0.0), packed} for stop in asked)
+    return Need.STOP if is_stop else Need.TAKES_OVER

@@ -1,0 +1,160 @@
+"""What the ground stations of one link may do with one vehicle: passes on, or refuses with the reason."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable
+from typing import Any
+
+from pymavlink.dialects.v20 import all as mav
+
+from fleet import LinkLost
+from fleet_mavlink.authentication import FALSE, UNSIGNED
+from fleet_mavlink.authority import Authority
+from fleet_mavlink.codec import Frame
+from fleet_mavlink.constants import AUTOPILOT
+from fleet_mavlink.flavour import Flavour
+from fleet_mavlink.link_hub import LinkHub
+from fleet_mavlink.messages import CommandLong
+from fleet_mavlink.notices import Notices
+from fleet_mavlink.vehicle import Vehicle
+from fleet_mavlink.vehicle_kind import VehicleKind
+from fleet_mavlink.watch_answers import refusal, unchanged, words
+from fleet_mavlink.watch_rules import Need, comes_down, need_of, why_not_at_this_rate
+from fleet_mavlink.watcher import Watcher
+from fleet_mavlink.watcher_config import WatcherConfig
+
+_OUR_LINK = 2  # signature link id of what is written here: it has time stamps of its own
+_FOR_OPERATORS = frozenset({Need.OPERATOR, Need.TAKES_OVER})
+_TAKES = frozenset({Need.STOP, Need.TAKES_OVER})
+
+
+class WatchedVehicle:
+    """One vehicle for the stations of one link. ``stopped``: whether an emergency stop is set."""
+
+    def __init__(
+        self,
+        config: WatcherConfig,
+        watcher: Watcher,
+        hub: LinkHub,
+        vehicle: Vehicle,
+        *,
+        authority: Authority,
+        stopped: Callable[[], bool],
+        log: logging.Logger,
+    ) -> None:
+        self._config = config
+        self._watcher = watcher
+        self._hub = hub
+        self._vehicle = vehicle
+        self._authority = authority
+        self._stopped = stopped
+        self._notices = Notices(log, vehicle.now)
+        self._packer = mav.MAVLink(None)
+        self._reader = mav.MAVLink(None)
+
+    def show(self, frame: Frame) -> None:
+        """Show a frame of the vehicle."""
+        self._watcher.show(frame.raw)
+
+    def hear(self, frame: Frame) -> None:
+        """Pass a station's message on, or refuse it."""
+        try:
+            message = self._reader.decode(bytearray(frame.raw))
+        except mav.MAVError as error:
+            self._notices.add("not MAVLink", f"{self._config.link}: {error}")
+            return
+        need = need_of(message, stops_of(self._vehicle))
+        if need is Need.NOBODY_HEARS:
+            return
+        why = self._why_not(need, frame, message)
+        if why:
+            self._refuse(message, why)
+            return
+        kind = self._vehicle.kind
+        if need in _TAKES and kind is not None and self._vehicle.state.armed:
+            who = f"ground station {frame.system}/{frame.component}"
+            self._authority.taken_by(who, kind.mode_of(self._vehicle.state))
+        self._pass_on(frame.raw)
+
+    def _why_not(self, need: Need, frame: Frame, message: Any) -> str:
+        """Return why a message is refused, empty when it is not."""
+        if (frame.system, frame.component) == (self._hub.system, self._hub.component):
+            return "it has the ids of this edge (own_system, own_component)"
+        signer = self._vehicle.trust.signer
+        if signer is not None and not (frame.signed and signer.accepts(frame.signed)):
+            return FALSE if frame.signed else UNSIGNED
+        if need is Need.NOBODY:
+            return _why_nobody(message)
+        if need not in _FOR_OPERATORS:
+            return ""
+        why = self._why_no_operator(frame)
+        if why or need is Need.OPERATOR or not self._stopped():
+            return why
+        return "" if comes_down(message, ways_down_of(self._vehicle)) else "an emergency stop is set"
+
+    def _why_no_operator(self, frame: Frame) -> str:
+        """Return why a station does not operate the vehicle, empty when it does."""
+        if self._config.may != "operate":
+            return "may: watch"
+        if frame.system != self._config.station:
+            return f"station {self._config.station} operates, not {frame.system}"
+        return ""
+
+    def _refuse(self, message: Any, why: str) -> None:
+        """Answer in the protocol's words, and say the reason once a minute."""
+        name = message.get_type()
+        station = f"{message.get_srcSystem()}/{message.get_srcComponent()}"
+        line = f"ground station {station} at {self._config.link}: {name} refused: {why}"
+        answers = [] if (answer := refusal(message)) is None else [answer]
+        component = getattr(message, "target_component", 0) or AUTOPILOT
+        for each in answers:
+            self._watcher.show(self._framed(each, self._vehicle.system, component))
+        if self._notices.add(f"{name} {why}", line):
+            for each in words(f"{name} refused: {why}"):
+                self._watcher.show(self._framed(each, self._vehicle.system, self._hub.component))
+        kept = unchanged(message)
+        if kept is not None and why not in {FALSE, UNSIGNED}:
+            place = message.get_srcSystem(), message.get_srcComponent()
+            self._pass_on(self._framed(kept, *place))
+
+    def _framed(self, message: Any, system: int, component: int) -> bytes:
+        """Return a message in the name of somebody, signed where the vehicle's own are."""
+        packer, signer = self._packer, self._vehicle.trust.signer
+        packer.srcSystem, packer.srcComponent = system, component
+        packer.seq = (packer.seq + 1) & 0xFF
+        if signer is not None:
+            packer.signing.secret_key, packer.signing.link_id = signer.key, _OUR_LINK
+            packer.signing.timestamp, packer.signing.sign_outgoing = signer.stamp(), True
+        return bytes(message.pack(packer))
+
+    def _pass_on(self, frame: bytes) -> None:
+        """Write to the vehicle."""
+        try:
+            self._hub.link.send(frame, self._vehicle.address)
+        except LinkLost as error:
+            self._notices.add("link lost", f"{self._config.link}: not passed on: {error}")
+
+
+def stops_of(vehicle: Vehicle) -> list[CommandLong]:
+    """Return the commands that brake and hold a vehicle as it moves now."""
+    kind: VehicleKind | None = vehicle.kind
+    if kind is None:
+        return []
+    stops = [brake.ask for brake in kind.brakes(vehicle.state)]
+    return [*stops, kind.mode_command(kind.hold)] if isinstance(kind, Flavour) else stops
+
+
+def ways_down_of(vehicle: Vehicle) -> list[CommandLong]:
+    """Return the changes to the modes in which a vehicle lands, or returns home."""
+    kind = vehicle.kind
+    if not isinstance(kind, Flavour):
+        return []
+    return [kind.mode_command(mode) for mode in (kind.land, kind.return_home) if mode]
+
+
+def _why_nobody(message: Any) -> str:
+    """Return why a message is passed on for nobody."""
+    if message.get_type() in {"COMMAND_LONG", "COMMAND_INT"}:
+        return why_not_at_this_rate(message)
+    return "it is not passed on through this edge"

@@ -1,0 +1,26 @@
+"""Reasons are told once a minute, however often something is refused."""
+
+import logging
+
+from fleet.testing.clock import ManualClock
+from fleet_mavlink.notices import _MOST, Notices
+
+
+def test_each_reason_is_told_once_a_minute_with_what_was_not_told(caplog):
+    clock = ManualClock()
+    notices = Notices(logging.getLogger("desk"), clock.monotonic)
+    assert notices.add("a", "first")
+    assert notices.add("b", "other")
+    assert not any(notices.add("a", "again") for _ in range(5))
+    clock.advance(61.0)
+    assert notices.add("a", "later")
+    assert caplog.messages == ["first", "other", "later (5 more since)"]
+
+
+def test_many_reasons_take_no_more_room(caplog):
+    clock = ManualClock()
+    notices = Notices(logging.getLogger("desk"), clock.monotonic)
+    for number in range(10 * _MOST):
+        notices.add(f"reason {number}", "line")
+    assert len(caplog.messages) == _MOST + 1
+    assert len(notices._said) + len(notices._since) <= _MOST + 2

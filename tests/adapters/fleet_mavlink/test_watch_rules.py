@@ -1,0 +1,235 @@
+"""What a ground station may send, as tables; and how it is refused."""
+
+import inspect
+import math
+import struct
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from pymavlink.dialects.v20 import all as mav
+
+from fleet_mavlink.ardupilot import ArduCopter
+from fleet_mavlink.constants import Cmd
+from fleet_mavlink.message_targets import number_of, target_of
+from fleet_mavlink.px4 import Px4
+from fleet_mavlink.state import VehicleState
+from fleet_mavlink.watch_answers import refusal, unchanged, words
+from fleet_mavlink.watch_rules import Need, need_of
+
+NAN = math.nan
+COPTER = [brake.ask for brake in ArduCopter().brakes(VehicleState())]
+PX4 = [*(brake.ask for brake in Px4().brakes(VehicleState())), Px4().mode_command("AUTO.LOITER")]
+BRAKE, LOITER = 17, 5
+
+
+def asked(command, *params):
+    return mav.MAVLink_command_long_message(1, 1, command, 0, *(*params, *([0.0] * (7 - len(params)))))
+
+
+def file_message(opcode):
+    payload = struct.pack("<HBBBBBxI", 7, 3, opcode, 0, 0, 0, 0).ljust(251, b"\0")
+    return mav.MAVLink_file_transfer_protocol_message(0, 1, 1, list(payload))
+
+
+def item(current):
+    return mav.MAVLink_mission_item_int_message(1, 1, 0, 6, 16, current, 1, 0, 0, 0, 0, 0, 0, 10, 0)
+
+
+@pytest.mark.parametrize(
+    ("message", "need"),
+    [
+        (mav.MAVLink_heartbeat_message(6, 8, 0, 0, 4, 3), Need.NOBODY_HEARS),
+        (mav.MAVLink_request_data_stream_message(1, 1, 0, 4, 1), Need.NOBODY_HEARS),
+        (mav.MAVLink_param_request_list_message(1, 1), Need.ANYBODY),
+        (mav.MAVLink_param_request_read_message(1, 1, b"RTL_ALT", -1), Need.ANYBODY),
+        (mav.MAVLink_mission_request_list_message(1, 1, 0), Need.ANYBODY),
+        (file_message(4), Need.ANYBODY),
+        (asked(512, 148), Need.ANYBODY),
+        (asked(511, 32, 250_000), Need.ANYBODY),
+        (asked(511, 32, 50_000), Need.NOBODY),  # too fast
+        (asked(511, 32, -1), Need.NOBODY),  # switches it off for all
+        (asked(511, 30, 250_000), Need.NOBODY),  # ATTITUDE: this edge flies by it
+        (asked(511, NAN, 250_000), Need.NOBODY),
+        (mav.MAVLink_param_set_message(1, 1, b"RTL_ALT", 5.0, 9), Need.OPERATOR),
+        (mav.MAVLink_mission_count_message(1, 1, 4, 0), Need.OPERATOR),
+        (mav.MAVLink_mission_clear_all_message(1, 1, 0), Need.OPERATOR),
+        (item(0), Need.OPERATOR),
+        (file_message(6), Need.OPERATOR),
+        (asked(2000, 0, 0, 1), Need.OPERATOR),  # a picture moves nothing
+        (item(2), Need.TAKES_OVER),  # a place to fly to at once
+        (asked(Cmd.COMPONENT_ARM_DISARM, 1), Need.TAKES_OVER),
+        (asked(Cmd.NAV_TAKEOFF, 0, 0, 0, 0, 0, 0, 10), Need.TAKES_OVER),
+        (asked(21), Need.TAKES_OVER),
+        (asked(60_000), Need.TAKES_OVER),  # what nobody knows moves it for all that is known
+        (mav.MAVLink_mission_set_current_message(1, 1, 0), Need.TAKES_OVER),
+        (mav.MAVLink_setup_signing_message(1, 1, [0] * 32, 0), Need.NOBODY),
+        (mav.MAVLink_manual_control_message(1, 0, 0, 500, 0, 0), Need.NOBODY),
+        (mav.MAVLink_rc_channels_override_message(1, 1, *([1500] * 8)), Need.NOBODY),
+        (mav.MAVLink_gps_rtcm_data_message(0, 1, [0] * 180), Need.NOBODY),
+    ],
+    ids=lambda value: value.get_type() if hasattr(value, "get_type") else value.name,
+)
+def test_who_may_send_what(message, need):
+    assert need_of(message, COPTER) is need
+
+
+@pytest.mark.parametrize(
+    ("stops", "message", "need"),
+    [
+        (COPTER, asked(Cmd.DO_SET_MODE, 1, BRAKE), Need.STOP),
+        (COPTER, asked(Cmd.DO_SET_MODE, 1, LOITER), Need.TAKES_OVER),  # sinks without a remote control
+        (COPTER, asked(Cmd.DO_SET_MODE, 0, BRAKE), Need.TAKES_OVER),
+        (COPTER, asked(Cmd.DO_PAUSE_CONTINUE, 0), Need.STOP),
+        (COPTER, asked(Cmd.DO_PAUSE_CONTINUE, 1), Need.TAKES_OVER),  # goes on
+        (COPTER, mav.MAVLink_set_mode_message(1, 1, BRAKE), Need.STOP),
+        (COPTER, mav.MAVLink_set_mode_message(1, 1, LOITER), Need.TAKES_OVER),
+        (PX4, asked(Cmd.DO_SET_MODE, 1, 4, 3), Need.STOP),
+        (PX4, asked(Cmd.DO_SET_MODE, 1, 4, 5), Need.TAKES_OVER),
+        (PX4, asked(Cmd.DO_REPOSITION, -1, 1, 0, NAN, NAN, NAN, NAN), Need.STOP),
+        (PX4, asked(Cmd.DO_REPOSITION, -1, 1, 0, NAN, 47.4, 8.5, 500), Need.TAKES_OVER),
+        (PX4, mav.MAVLink_set_mode_message(1, 1, 0x03040000), Need.STOP),
+        (PX4, asked(Cmd.COMPONENT_ARM_DISARM, 0, 21196), Need.TAKES_OVER),  # falls
+        (PX4, asked(185, 1), Need.TAKES_OVER),  # flight termination
+        ([], asked(Cmd.DO_SET_MODE, 1, BRAKE), Need.TAKES_OVER),  # of an unknown vehicle
+    ],
+)
+def test_a_stop_is_everybodys_and_nothing_else_is_one(stops, message, need):
+    assert need_of(message, stops) is need
+
+
+def blank(kind):
+    """Return a message of a class, all zeros."""
+    fields = [
+        b"" if kind_of_field == "char" else [0] * length if length else 0
+        for kind_of_field, length in zip(kind.fieldtypes, array_lengths(kind), strict=True)
+    ]
+    needed = len(inspect.signature(kind).parameters)
+    return kind(*fields[:needed])
+
+
+def array_lengths(kind):
+    """Return how long the array of each field is, in the order of the constructor; 0: none."""
+    lengths = dict(zip(kind.ordered_fieldnames, kind.array_lengths, strict=True))
+    return [lengths[name] for name in kind.fieldnames]
+
+
+PASSED = {Need.ANYBODY, Need.OPERATOR, Need.TAKES_OVER, Need.STOP}
+
+
+def test_of_all_messages_there_are_only_these_are_passed_on():
+    passed = {kind.msgname for kind in mav.mavlink_map.values() if need_of(blank(kind)) in PASSED}
+    assert passed == {
+        "COMMAND_INT",
+        "COMMAND_LONG",
+        "FILE_TRANSFER_PROTOCOL",
+        "LOG_REQUEST_DATA",
+        "LOG_REQUEST_END",
+        "LOG_REQUEST_LIST",
+        "MISSION_ACK",
+        "MISSION_CLEAR_ALL",
+        "MISSION_COUNT",
+        "MISSION_ITEM",
+        "MISSION_ITEM_INT",
+        "MISSION_REQUEST",
+        "MISSION_REQUEST_INT",
+        "MISSION_REQUEST_LIST",
+        "MISSION_REQUEST_PARTIAL_LIST",
+        "MISSION_SET_CURRENT",
+        "MISSION_WRITE_PARTIAL_LIST",
+        "PARAM_EXT_REQUEST_LIST",
+        "PARAM_EXT_REQUEST_READ",
+        "PARAM_EXT_SET",
+        "PARAM_REQUEST_LIST",
+        "PARAM_REQUEST_READ",
+        "PARAM_SET",
+        "SET_ATTITUDE_TARGET",
+        "SET_MODE",
+        "SET_POSITION_TARGET_GLOBAL_INT",
+        "SET_POSITION_TARGET_LOCAL_NED",
+    }
+
+
+@given(st.integers(0, 0xFFFF), st.lists(st.floats(width=32), min_size=7, max_size=7))
+def test_no_numbers_of_a_command_break_the_rules(command, params):
+    message = asked(command, *params)
+    need = need_of(message, [*COPTER, *PX4])
+    if need in {Need.STOP, Need.ANYBODY}:
+        assert command in {176, 192, 193, 410, 510, 511, 512, 519, 520, 521, 522, 525, 527, 2504, 2505}
+
+
+def from_station(message, system=255, component=190):
+    """Return a message as it is decoded from the wire."""
+    sender = mav.MAVLink(None, srcSystem=system, srcComponent=component)
+    return mav.MAVLink(None).decode(bytearray(message.pack(sender)))
+
+
+def test_commands_are_denied_to_who_asked():
+    answer = refusal(from_station(asked(400, 1)))
+    assert (answer.command, answer.result) == (400, mav.MAV_RESULT_DENIED)
+    assert (answer.target_system, answer.target_component) == (255, 190)
+    assert refusal(from_station(mav.MAVLink_set_mode_message(1, 1, 4))).command == 176
+
+
+@pytest.mark.parametrize("kind", [0, 1, 2])
+def test_plans_are_denied_by_their_kind(kind):
+    for message in (
+        mav.MAVLink_mission_count_message(1, 1, 4, kind),
+        mav.MAVLink_mission_clear_all_message(1, 1, kind),
+    ):
+        answer = refusal(from_station(message))
+        assert (answer.type, answer.mission_type) == (mav.MAV_MISSION_DENIED, kind)
+
+
+def test_a_parameter_is_denied_and_its_value_is_told_again():
+    message = from_station(mav.MAVLink_param_set_message(1, 1, b"RTL_ALT", 5.0, 9))
+    answer = refusal(message)
+    assert (answer.get_type(), answer.error, answer.param_id) == ("PARAM_ERROR", 3, "RTL_ALT")
+    again = unchanged(message)
+    assert (again.get_type(), again.param_id, again.param_index) == ("PARAM_REQUEST_READ", "RTL_ALT", -1)
+    assert unchanged(from_station(asked(400))) is None
+
+
+def test_the_writing_of_a_file_is_refused_as_protected():
+    answer = refusal(from_station(file_message(7)))
+    sequence, session, opcode, size, of, *_ = struct.unpack_from("<HBBBBBxI", bytes(answer.payload))
+    assert (sequence, session, opcode, size, of, answer.payload[12]) == (8, 3, 129, 1, 7, 9)
+
+
+def test_every_answer_can_be_framed():
+    sender = mav.MAVLink(None)
+    for kind in mav.mavlink_map.values():
+        message = blank(kind)
+        if message.get_type() != "TEST_TYPES" and (answer := refusal(from_station(message))) is not None:
+            assert answer.pack(sender)
+
+
+def test_long_words_come_in_pieces_and_are_whole():
+    text = "COMMAND_LONG refused: " + "a reason " * 10
+    pieces = words(text)
+    assert "".join(piece.text for piece in pieces) == text
+    assert [piece.chunk_seq for piece in pieces] == list(range(len(pieces)))
+    assert len({piece.id for piece in pieces}) == 1
+    assert pieces[0].id != 0
+    assert [(piece.id, piece.chunk_seq) for piece in words("short")] == [(0, 0)]
+
+
+@pytest.mark.parametrize("old", [False, True])
+def test_the_target_of_a_frame_is_what_the_foreign_decoder_reads(old):
+    sender = mav.MAVLink(None)
+    for number, kind in mav.mavlink_map.items():
+        message = blank(kind)
+        if "target_system" not in kind.fieldnames or (old and number > 255):
+            continue
+        message.target_system = 7
+        if "target_component" in kind.fieldnames:
+            message.target_component = 9
+        frame = bytes(message.pack(sender, force_mavlink1=old))
+        assert number_of(frame) == number
+        assert target_of(frame) == (7, getattr(message, "target_component", 0)), kind.msgname
+
+
+def test_zeros_that_are_not_sent_are_zeros():
+    assert target_of(bytes(asked(0).pack(mav.MAVLink(None)))) == (1, 1)
+    assert target_of(bytes(mav.MAVLink_param_request_list_message(0, 0).pack(mav.MAVLink(None)))) == (0, 0)
+    assert target_of(bytes(mav.MAVLink_heartbeat_message(6, 8, 0, 0, 4, 3).pack(mav.MAVLink(None)))) == (0, 0)
