@@ -16,6 +16,7 @@ NAMES = (
     "stops",
     "together",
     "pad",
+    "record",
     "soak",
     "dog_picture",
 )
