@@ -17,6 +17,7 @@ NAMES = (
     "stops",
     "together",
     "pad",
+    "record",
     "soak",
     "dog_picture",
 )

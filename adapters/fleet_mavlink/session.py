@@ -70,8 +70,7 @@ class VehicleSession:
     ) -> None:
         self.vehicle = vehicle
         self._config = config
-        self._hub = hub
-        self._robot = robot
+        self._hub, self._robot = hub, robot
         self._began = robot.clock.monotonic()
         self._tasks: set[asyncio.Task[None]] = set()
         self._cause = FailsafeCause()

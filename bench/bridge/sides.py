@@ -20,8 +20,8 @@ SIDES = ("fleet", "peer", "floor")
 class Side:
     """One side while it runs: whose CPU counts, its twins, and where its adapter writes."""
 
-    def __init__(self, pid, twins, bus, journal):
-        self.pid, self.twins, self.bus, self.journal = pid, twins, bus, journal
+    def __init__(self, pid, twins, bus, journal, runtime=""):
+        self.pid, self.twins, self.bus, self.journal, self.runtime = pid, twins, bus, journal, runtime
 
     def executed(self):
         """Return when each numbered command was executed."""
@@ -52,7 +52,7 @@ def side(name, port, *, number=TWINS, rate=0.0, heard_at=0, workers=(), **sectio
             edge = stack.enter_context(fleet(robots + more, port, folder, **listen, **sections))
             edge.all_well(number + len(more))
             time.sleep(6)  # it settles
-            yield Side(edge.pid, twins, bus, journal)
+            yield Side(edge.pid, twins, bus, journal, edge.runtime)
             return
         run = (sys.executable, "-m")
         stack.enter_context(process(*run, "bench.bridge.peer", "adapter", bus, str(journal)))

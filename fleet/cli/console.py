@@ -21,6 +21,7 @@ from fleet.errors import NotRunning
 from fleet.host.runtime.termination_signals import end_by_signal
 from fleet.model.permission import Permission
 from fleet.runtime.event_loop import run
+from fleet.spool.state_folder import state_folder
 
 
 @click.command()
@@ -38,9 +39,22 @@ from fleet.runtime.event_loop import run
     show_default=True,
     help="What the link lets its user do; everybody may stop robots.",
 )
+@click.option(
+    "--recordings",
+    type=click.Path(exists=True, file_okay=False, resolve_path=True),
+    help="Also show this recording; those of the edges' own recorders are shown anyway.",
+)
 @reach_option
 @with_output
-def console(out: Output, *, port: int | None, link_only: bool, permission: str, file: str | None) -> ExitCode:
+def console(
+    out: Output,
+    *,
+    port: int | None,
+    link_only: bool,
+    permission: str,
+    recordings: str | None,
+    file: str | None,
+) -> ExitCode:
     """Show the fleet in a browser: a map, what each robot does, and a stop for all of them.
 
     Serves a page on this computer alone until Ctrl-C, and prints a link to it. A link is good once, for ten
@@ -53,9 +67,28 @@ def console(out: Output, *, port: int | None, link_only: bool, permission: str, 
     if not is_installed():
         raise click.ClickException(EXTRA)
     edges = (settings_of(file),) if file else ()
-    wanted = PORT if port is None else port
-    task = ConsoleTask(str(os.getpid()), wanted, any_port=port is None, edges=edges, only=bool(edges))
+    folders, beside = _recordings(recordings, file)
+    task = ConsoleTask(
+        str(os.getpid()),
+        PORT if port is None else port,
+        any_port=port is None,
+        edges=edges,
+        only=bool(edges),
+        recordings=folders,
+        beside=beside,
+    )
     return run(_serve(out, task, asked))
+
+
+def _recordings(given: str | None, file: str | None) -> tuple[tuple[str, ...], str]:
+    """Return the folders of recordings to show, and the folder with those of edges that no file names."""
+    named = (given,) if given else ()
+    if file is None:
+        return named, str(state_folder("any").parent)
+    from fleet.cli.record_task import folder_of  # noqa: PLC0415 - pydantic is not needed without a file
+    from fleet.config.load import sections_of  # noqa: PLC0415
+
+    return (*named, str(folder_of(sections_of(file)))), ""
 
 
 def _links(out: Output, asked: LinkAsked) -> ExitCode:

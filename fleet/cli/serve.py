@@ -14,7 +14,7 @@ from pathlib import Path
 from fleet.bus.settings import runtime_dir
 from fleet.cli.live import show
 from fleet.cli.output import ExitCode, Output
-from fleet.cli.record_task import record_task
+from fleet.cli.record_task import folder_of, record_task
 from fleet.clock import SystemClock
 from fleet.config.load import Loaded
 from fleet.console.child import ConsoleChild
@@ -104,7 +104,14 @@ def _console(loaded: Loaded, out: Output, link: LinkAsked | None) -> ConsoleChil
             f"console           {address}" if address else "console: fleet console --link  prints a link"
         )
 
-    task = ConsoleTask(config.edge.id, config.console.port, link is not None, (bus_settings(config),))
+    task = ConsoleTask(
+        config.edge.id,
+        config.console.port,
+        link is not None,
+        (bus_settings(config),),
+        recordings=(str(folder_of(config)),),
+        beside=str(state_folder(config.edge.id).parent),
+    )
     return ConsoleChild(task, runtime_dir(), SystemClock(), asked=link, served=served)
 
 

@@ -7,6 +7,7 @@
 ``GET /ws``                the WebSocket of a page
 ``POST /api/stop``         an emergency stop; a request that is known by the WebSocket is not asked again
 ``GET /api/stops/ID``      how that stop goes
+``POST /api/recording``    a window of the recordings as a file
 =========================  ==========================================================================
 """
 
@@ -17,11 +18,12 @@ from collections.abc import Mapping
 import msgspec
 from starlette.applications import Starlette
 from starlette.requests import HTTPConnection, Request
-from starlette.responses import Response
+from starlette.responses import Response, StreamingResponse
 from starlette.routing import Route, WebSocketRoute
 from starlette.types import ASGIApp
 from starlette.websockets import WebSocket
 
+from fleet.console.exports import Window
 from fleet.console.files import PageFile, page_files
 from fleet.console.guard import LONGEST_BODY, Guard
 from fleet.console.hub import MOST_TABS, Hub
@@ -29,7 +31,7 @@ from fleet.console.requests import read_stop
 from fleet.console.sessions import Operator, Sessions
 from fleet.console.stops import StopTarget
 from fleet.console.tab import Tab
-from fleet.errors import WireError
+from fleet.errors import Refused, WireError
 from fleet.runtime.decoding import decode_json
 
 NOT_IN = "nobody is signed in: open a new link, which  fleet console --link  prints"
@@ -68,6 +70,7 @@ class _App:
                 Route("/api/session", self._session),
                 Route("/api/stop", self._stop, methods=["POST"]),
                 Route("/api/stops/{request}", self._stopped),
+                Route("/api/recording", self._recording, methods=["POST"]),
                 WebSocketRoute("/ws", self._tab),
                 Route("/{path:path}", self._file),
             ]
@@ -122,6 +125,20 @@ class _App:
             return _json({"error": NOT_IN}, 401)
         found = self._hub.view.get("stops", request.path_params["request"])
         return _json(found) if found else _json({"error": "there is no such stop"}, 404)
+
+    async def _recording(self, request: Request) -> Response:
+        """Send a window of the recordings."""
+        operator = self._operator(request)
+        if operator is None:
+            return _json({"error": NOT_IN}, 401)
+        try:
+            window = decode_json(await _body(request), Window)
+            file = await self._hub.exports.export(window, operator)
+        except (msgspec.DecodeError, WireError) as error:
+            return _json({"error": f"the window cannot be read: {error}"}, 400)
+        except Refused as error:
+            return _json({"error": f"{error.reason}{error.hint and f' ({error.hint})'}"}, 403)
+        return StreamingResponse(file, media_type="application/octet-stream")
 
     async def _tab(self, socket: WebSocket) -> None:
         """Serve the WebSocket of a page."""

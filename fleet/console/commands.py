@@ -118,7 +118,12 @@ def history(lanes: Iterable[ZenohSession], robot: str) -> list[dict[str, object]
     """Return what happened to a robot lately, the newest first; blocks."""
     edge, _, name = robot.rpartition("/")
     found = _records(lanes, edge, EventFilter((name,), 0.0, SHOWN))
-    return [_shown(record) | {"kind": record.kind.value, "text": record.text} for record in reversed(found)]
+    return [shown_event(record) for record in reversed(found)]
+
+
+def shown_event(record: Record) -> dict[str, object]:
+    """Return an event for a page."""
+    return _shown(record) | {"kind": record.kind.value, "text": record.text}
 
 
 def _records(lanes: Iterable[ZenohSession], edge: str, wanted: EventFilter) -> list[Record]:

@@ -145,18 +145,21 @@ class FleetView:
         self.put("edges", edge, {"heard": round(now, 1)} | shown | told)
 
     def take_pose(self, twin: str, pose: PoseReport) -> None:
-        """Take where a robot is: in the site's frame when it is placed there, else in its own.
+        """Take where a robot is."""
+        name = self._by_twin.get(twin)
+        if name is not None:
+            self.put("poses", name, self.shown_pose(name, pose))
+
+    def shown_pose(self, name: str, pose: PoseReport) -> list[Any]:
+        """Return where a robot of a known state is: in the site's frame when placed there, else in its own.
 
         An entry is x, y, z (m), yaw (rad; None while unknown), and whether it is in the site's frame.
         """
-        name = self._by_twin.get(twin)
-        if name is None:
-            return
         placement = self.states[name].placement
         at, yaw = pose.position, pose.rotation.yaw
         if placement is not None:
             at, yaw = placement.to_site(at), wrap_angle(yaw + placement.yaw)
-        self.put("poses", name, [*_rounded((at.x, at.y, at.z, yaw)), placement is not None])
+        return [*_rounded((at.x, at.y, at.z, yaw)), placement is not None]
 
     def take_goals(self, edge: str, goals: Goals) -> None:
         """Take where the robots of an edge go."""

@@ -13,7 +13,9 @@ import msgspec
 from fleet.bus.settings import runtime_dirs
 from fleet.clock import Clock
 from fleet.console.edge_connections import EdgeConnections
+from fleet.console.exports import Exports
 from fleet.console.fleet_view import FleetView
+from fleet.console.past import Pasts
 from fleet.console.sessions import Operator
 from fleet.console.stops import Stops, StopTarget
 from fleet.console.tab import Tab
@@ -35,6 +37,8 @@ class Hub:
         self.clock = clock
         self.view = FleetView()
         self.edges = EdgeConnections(task, directory, self.view, clock)
+        self.pasts = Pasts(task.recordings_now)
+        self.exports = Exports(task.recordings_now)
         self.tabs: set[Tab] = set()
         self._stops = Stops(self.view, self.edges.lanes, _directories(directory), clock)
         self._tick = asyncio.Event()

@@ -141,6 +141,26 @@ class HistoryAsked(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_
     robot: str
 
 
+class ExtentAsked(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field="ask", tag="extent"):
+    """Tell from when until when there are recordings."""
+
+    request: str
+
+
+class MomentAsked(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field="ask", tag="moment"):
+    """Tell how the fleet was at a moment of the recordings, Unix s."""
+
+    request: str
+    at: float
+
+
+class ConfigAsked(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field="ask", tag="config"):
+    """Tell what the fleet.yaml of an edge says, and what is wrong with it."""
+
+    request: str
+    edge: str
+
+
 class PingAsked(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field="ask", tag="ping"):
     """Answer at once, with the same number: the page measures the way and back."""
 
@@ -159,6 +179,9 @@ Request = (
     | ControlAsked
     | GiveAsked
     | ScheduleChange
+    | ExtentAsked
+    | MomentAsked
+    | ConfigAsked
 )
 """What is answered by its request's name."""
 Asked = Request | DriveAsked | WatchAsked | PingAsked
@@ -168,6 +191,8 @@ _NEEDS: Mapping[type[object], Permission] = {
     WatchAsked: Permission.VIEW,
     CausesAsked: Permission.VIEW,
     HistoryAsked: Permission.VIEW,
+    ExtentAsked: Permission.VIEW,
+    MomentAsked: Permission.VIEW,
     PingAsked: Permission.VIEW,
     ReleaseAsked: Permission.OPERATE,
     GotoAsked: Permission.OPERATE,
@@ -177,6 +202,7 @@ _NEEDS: Mapping[type[object], Permission] = {
     ControlAsked: Permission.OPERATE,
     GiveAsked: Permission.OPERATE,
     ScheduleChange: Permission.OPERATE,
+    ConfigAsked: Permission.ADMIN,
 }
 """The permission that each request needs; a stop is everybody's."""
 

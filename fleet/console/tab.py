@@ -13,15 +13,14 @@ from starlette.websockets import WebSocket, WebSocketDisconnect
 
 from fleet.console import commands, control, missions, schedules
 from fleet.console.driving import Driving
+from fleet.console.lookups import Lookups
 from fleet.console.requests import (
     Asked,
-    CausesAsked,
     CommandAsked,
     ControlAsked,
     DriveAsked,
     GiveAsked,
     GotoAsked,
-    HistoryAsked,
     MissionAsked,
     PingAsked,
     ReleaseAsked,
@@ -62,19 +61,19 @@ class Tab:
         self._operator = operator
         self._open: set[asyncio.Task[None]] = set()
         self._sending = asyncio.Lock()
+        self._lookups = Lookups(hub)
         self._driving = Driving(operator, hub.edges.lane_to, hub.clock, self._drove)
         self._calls: Mapping[type[object], Call] = {
             StopAsked: self._stop,
             ReleaseAsked: self._command,
             GotoAsked: self._command,
             CommandAsked: self._command,
-            CausesAsked: self._causes,
-            HistoryAsked: self._history,
             MissionAsked: self._mission,
             RunAsked: self._run,
             ControlAsked: self._control,
             GiveAsked: self._give,
             ScheduleChange: self._schedule,
+            **dict.fromkeys(self._lookups.calls, self._look),
         }
 
     async def run(self) -> None:
@@ -186,18 +185,10 @@ class Tab:
         async for reply in commands.send(prepared, lane, self._operator, self._hub.clock):
             await self._tell(request, name, _shown(reply))
 
-    async def _causes(self, asked: CausesAsked) -> None:
-        """Tell who stopped robots."""
-        robots = self._hub.view.named(asked.robots)
-        lanes = list(self._hub.edges.lanes().values())
-        found = await asyncio.to_thread(commands.causes, lanes, robots)
-        await self._tell(asked.request, "", {"status": "accepted", "causes": found})
-
-    async def _history(self, asked: HistoryAsked) -> None:
-        """Tell what happened to a robot."""
-        lanes = list(self._hub.edges.lanes().values())
-        found = await asyncio.to_thread(commands.history, lanes, asked.robot)
-        await self._tell(asked.request, "", {"status": "accepted", "history": found})
+    async def _look(self, asked: Request) -> None:
+        """Tell what is asked about."""
+        found = await self._lookups.calls[type(asked)](asked)
+        await self._tell(asked.request, "", {"status": "accepted", **found})
 
     async def _mission(self, asked: MissionAsked) -> None:
         """Start a mission."""

@@ -7,6 +7,7 @@ from pathlib import Path
 import msgspec
 
 from fleet.bus.settings import BusSettings
+from fleet.record.task import FOLDER
 
 PORT = 8480
 """The port of a console where nobody says another one."""
@@ -18,6 +19,7 @@ class ConsoleTask(msgspec.Struct, frozen=True):
     ``name`` tells it from other consoles of this user. ``port``: on loopback, 0 takes any that is free, and
     so does a port that is taken, with ``any_port``.
     ``edges``: those to reach besides, or with ``only`` instead of, all that run on this computer.
+    ``recordings``: folders of recordings to show; ``beside`` a folder also those of each edge in it.
     ``parent``: the process that it ends with, 0 for none.
     """
 
@@ -26,7 +28,14 @@ class ConsoleTask(msgspec.Struct, frozen=True):
     any_port: bool = False
     edges: tuple[BusSettings, ...] = ()
     only: bool = False
+    recordings: tuple[str, ...] = ()
+    beside: str = ""
     parent: int = 0
+
+    def recordings_now(self) -> list[Path]:
+        """Return the folders of recordings that may be there now."""
+        beside = sorted(Path(self.beside).glob(f"*/{FOLDER}")) if self.beside else []
+        return list(dict.fromkeys([*map(Path, self.recordings), *beside]))
 
 
 def link_socket(directory: Path, name: str) -> Path:

@@ -50,7 +50,8 @@ class Change(msgspec.Struct, frozen=True, omit_defaults=True):
 class ChangesAsked(msgspec.Struct, frozen=True, omit_defaults=True):
     """``diff`` only tells, ``apply`` does it; ``force``: also to robots in motion; ``by``: who asks.
 
-    ``file``: the path that the asker means; an edge that reads another refuses.
+    ``file``: the path that the asker means; an edge that reads another refuses. ``text``: also tell what the
+    file says.
     """
 
     do: Literal["diff", "apply"] = "diff"
@@ -58,15 +59,22 @@ class ChangesAsked(msgspec.Struct, frozen=True, omit_defaults=True):
     by: str = ""
     file: str = ""
     format: int = FORMAT
+    text: bool = False
 
 
 class ChangesAnswer(msgspec.Struct, frozen=True, omit_defaults=True):
-    """What differs, robots first; or why nothing was looked at, with the ``problems`` of the file."""
+    """What differs, robots first; or why nothing was looked at, with the ``problems`` of the file.
+
+    ``text`` is what the file says, secrets masked; ``warnings``: what a person should look at, though the
+    file can be used.
+    """
 
     changes: tuple[Change, ...] = ()
     file: str = ""
     refusal: str = ""
     problems: tuple[str, ...] = ()
+    text: str = ""
+    warnings: tuple[str, ...] = ()
 
     @property
     def same(self) -> bool:

@@ -5,8 +5,7 @@ from __future__ import annotations
 import math
 import os
 import struct
-from collections.abc import Iterator
-from datetime import datetime
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import IO
 
@@ -15,12 +14,18 @@ from mcap.exceptions import McapError
 from mcap.reader import make_reader
 from mcap.records import Channel, Message, Schema
 from mcap.writer import CompressionType, Writer
+from zstandard import ZstdError
 
 from fleet.errors import StateError
 from fleet.record.file import CHUNK
-from fleet.record.ring import files_in
+from fleet.record.ring import begin_of, files_in
 
-_BROKEN = (McapError, EOFError, ValueError, UnicodeDecodeError, struct.error)
+BROKEN = (McapError, ZstdError, EOFError, ValueError, OverflowError, struct.error)
+"""What the reading raises for a file that is damaged or cut off."""
+
+
+FromFile = tuple[Schema | None, Channel, Message]
+"""A message with its channel, and the channel's schema."""
 
 
 class Recorded(msgspec.Struct, frozen=True):
@@ -46,22 +51,13 @@ def recorded(path: Path) -> Recorded:
     try:
         with path.open("rb") as file:
             summary = make_reader(file).get_summary()
-    except _BROKEN:
+    except BROKEN:
         summary = None
     if summary is None or summary.statistics is None:
-        return Recorded(str(path), found.st_size, _begin(path, found.st_mtime), found.st_mtime)
+        return Recorded(str(path), found.st_size, begin_of(path) or found.st_mtime, found.st_mtime)
     counted = summary.statistics
     begins, ends = counted.message_start_time / 1e9, counted.message_end_time / 1e9
     return Recorded(str(path), found.st_size, begins, ends, counted.message_count)
-
-
-def _begin(path: Path, otherwise: float) -> float:
-    """Return when a file began, by its name."""
-    try:
-        begin = datetime.strptime(path.name.partition("Z")[0] + "+0000", "%Y%m%dT%H%M%S.%f%z")
-    except ValueError:
-        return otherwise
-    return begin.timestamp()
 
 
 def export(folder: Path, into: Path, *, since: float, until: float) -> int:
@@ -70,10 +66,10 @@ def export(folder: Path, into: Path, *, since: float, until: float) -> int:
     Returns how many messages that are. The file is for this user alone, and has an index. Raises StateError
     when nothing was recorded then, or the file exists.
     """
-    chosen = [file for file in recorded_in(folder) if file.ends >= since and file.begins <= until]
+    messages = window([folder], since, until)
     try:
         with os.fdopen(os.open(into, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600), "wb") as output:
-            count = _copy(chosen, output, since, until)
+            count = copy(messages, output)
     except FileExistsError:
         raise StateError(f"{into} is there already; choose another name") from None
     except OSError as error:
@@ -84,14 +80,20 @@ def export(folder: Path, into: Path, *, since: float, until: float) -> int:
     return count
 
 
-def _copy(files: list[Recorded], output: IO[bytes], since: float, until: float) -> int:
-    """Copy the messages of a window; returns how many."""
+def window(folders: Iterable[Path], since: float, until: float) -> Iterator[FromFile]:
+    """Yield what was received from ``since`` until before ``until`` (Unix s); raises StateError."""
+    found = [file for folder in folders for file in recorded_in(folder)]
+    return messages_of([file for file in found if file.ends >= since and file.begins <= until], since, until)
+
+
+def copy(messages: Iterable[FromFile], output: IO[bytes]) -> int:
+    """Write messages as a file with an index; returns how many. ``output`` need not be a file."""
     writer = Writer(output, chunk_size=CHUNK, compression=CompressionType.ZSTD)
     writer.start()
     schemas: dict[str, int] = {}
     channels: dict[tuple[str, str], int] = {}
     count = 0
-    for schema, channel, message in messages_of(files, since, until):
+    for schema, channel, message in messages:
         name = schema.name if schema is not None else ""
         if schema is not None and name not in schemas:
             schemas[name] = writer.register_schema(name, schema.encoding, schema.data)
@@ -112,9 +114,7 @@ def _copy(files: list[Recorded], output: IO[bytes], since: float, until: float) 
     return count
 
 
-def messages_of(
-    files: list[Recorded], since: float, until: float
-) -> Iterator[tuple[Schema | None, Channel, Message]]:
+def messages_of(files: list[Recorded], since: float, until: float) -> Iterator[FromFile]:
     """Yield the messages of a window; a file that is cut off ends where it is."""
     start = max(0, round(since * 1e9))
     end = round(until * 1e9) if math.isfinite(until) else None
@@ -122,5 +122,5 @@ def messages_of(
         with Path(recorded.path).open("rb") as file:
             try:
                 yield from make_reader(file).iter_messages(starting_at=start, ending_before=end)
-            except _BROKEN:
+            except BROKEN:
                 continue

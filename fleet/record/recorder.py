@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 import threading
+from pathlib import Path
 
 from fleet.clock import Clock
 from fleet.errors import StateError
@@ -36,6 +37,7 @@ class Recorder:
         self._waiting = 0
         self._dropped = 0
         self._not_before = float("-inf")
+        self._path: Path | None = None
 
     def take(self, edge: str, key: str, payload: bytes) -> None:
         """Take a sample that came by the bus of an edge; an empty one tells nothing and is left out."""
@@ -90,6 +92,10 @@ class Recorder:
         if not samples and not events:
             return
         file = self._ring.file(self._clock.time())
+        if file.path != self._path:  # each file tells by itself which missions were under way
+            self._path = file.path
+            for message in self._reader.open_runs:
+                file.add(message, self._now())
         for received, edge, key, payload in samples:
             for message in self._reader.read(edge, key, payload):
                 file.add(message, received)

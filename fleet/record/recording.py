@@ -28,6 +28,7 @@ log = logging.getLogger(__name__)
 
 EVERY = 0.4
 """Seconds between two writes to the disk: what a recorder that is killed may lose, with the time of one."""
+HISTORY_EVERY = 1.0  # s between questions for the history; each reads it from the disk of the edge
 ANSWER_WITHIN = 2.0  # s for states and history
 OVERLAP = 2.0  # s that are asked for again: workers write their events later than the edge does
 REPORTS = "cw/*/data/**"
@@ -99,8 +100,8 @@ class _Joined:
                 self._recorder.take(edge, answered, data)
         for key in published(edge):
             bus.control.subscribe(key, partial(self._recorder.take, edge))
-        bus.reports.gather(REPORTS, partial(self._recorder.take_many, edge))
-        bus.reports.gather(keys.frames(edge, "*"), partial(self._recorder.take_many, edge))
+        for key in (REPORTS, keys.frames(edge, "*")):
+            bus.reports.gather(key, partial(self._recorder.take_many, edge))
 
     def ask_history(self, edge: str, control: ZenohSession) -> None:
         """Ask for the newest events of an edge."""
@@ -120,11 +121,11 @@ class _History:
         self._lock = threading.Lock()
 
     def ask(self, edge: str, control: ZenohSession) -> None:
-        """Ask for the newest events, unless an answer is still awaited."""
-        if edge in self._asked:
+        """Ask for the newest events, unless they were just asked for, or an answer is still awaited."""
+        now = self._clock.time()
+        if edge in self._asked or abs(now - self._until.get(edge, 0.0)) < HISTORY_EVERY:
             return
         self._asked.add(edge)
-        now = self._clock.time()
         since = max(self._began, self._until.get(edge, now) - OVERLAP)
         control.ask_later(
             keys.history(edge),

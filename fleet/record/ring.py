@@ -103,6 +103,14 @@ def files_in(folder: Path) -> list[Path]:
     return sorted(path for path in folder.glob(f"*{SUFFIX}") if path.is_file() and not path.is_symlink())
 
 
+def begin_of(path: Path) -> float | None:
+    """Return when a file began (Unix s), by its name; None for one that has another name."""
+    try:
+        return datetime.strptime(path.name.partition("Z")[0] + "+0000", "%Y%m%dT%H%M%S.%f%z").timestamp()
+    except ValueError:
+        return None
+
+
 def _new_path(folder: Path, now: float) -> Path:
     """Return the path of a file that begins now: names sort by time, UTC."""
     begins = datetime.fromtimestamp(now, UTC)

@@ -18,6 +18,7 @@ from fleet.record.schemas import DOCUMENT
 from fleet.runtime.decoding import decode_json
 from fleet.wire.topics import parse_data_key
 
+MOST_RUNS = 100  # runs that are kept until they end; that of an edge that died never does
 _encode = msgspec.json.Encoder().encode
 
 
@@ -28,6 +29,7 @@ class SampleReader:
         self._robots: dict[str, tuple[str, str]] = {}
         self._told_frames: dict[str, tuple[int, int]] = {}  # number and dropped of each process, the last
         self._lost = 0
+        self._runs: dict[tuple[str, str], Message] = {}
 
     def read(self, edge: str, key: str, payload: bytes) -> list[Message]:
         """Return what to record of a sample that came by the bus of an edge.
@@ -49,6 +51,11 @@ class SampleReader:
         except (msgspec.DecodeError, ValueError, RecursionError):
             return [unread(topic, payload)]
 
+    @property
+    def open_runs(self) -> list[Message]:
+        """The runs that have not ended, as they were told last: they are told again only when they change."""
+        return list(self._runs.values())
+
     def take_lost(self) -> int:
         """Return how many frames, or messages of them, did not come since the last call."""
         lost, self._lost = self._lost, 0
@@ -63,13 +70,22 @@ class SampleReader:
             health = decode_json(payload, EdgeState)
             return [Message(topic, "fleet.EdgeState", payload, health.stamp)]
         if kind == "runs":
-            decode_json(payload, RunState)
-            return [Message(topic.rpartition("/")[0], "fleet.RunState", payload)]
+            return [self._run(topic.rpartition("/")[0], decode_json(payload, RunState), payload)]
         if kind == "frames":
             return self._of_links(topic, decode_json(payload, LinkFrames), payload)
         document: object = decode_json(payload, Any)
         is_object = isinstance(document, dict)
         return [Message(topic, DOCUMENT, payload if is_object else _encode({"value": document}))]
+
+    def _run(self, topic: str, run: RunState, payload: bytes) -> Message:
+        """Return a run of a mission, and keep it until it has ended."""
+        message = Message(topic, "fleet.RunState", payload)
+        self._runs.pop((topic, run.run), None)
+        if not run.outcome:
+            self._runs[topic, run.run] = message
+            while len(self._runs) > MOST_RUNS:
+                self._runs.pop(next(iter(self._runs)))
+        return message
 
     def _of_links(self, topic: str, told: LinkFrames, payload: bytes) -> list[Message]:
         """Return the frames of a link, and count those that did not come."""

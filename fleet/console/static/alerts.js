@@ -1,7 +1,7 @@
 // A sound and a notification of the browser when a robot gets a fault or is lost, where somebody wants them.
 
 import { byId } from "./dom.js";
-import { label, onChange, SILENT, silentFor, staleness, store } from "./store.js";
+import { label, live, onChange, SILENT, silentFor, staleness } from "./store.js";
 
 const KEPT = "fleet-alerts"; // in the storage of the page's origin
 const QUIET = 3000; // ms between sounds
@@ -31,13 +31,13 @@ function alert(title, body, tag) {
   if (Notification.permission === "granted") new Notification(title, { body, tag });
 }
 
-const how = (robot) => (staleness(robot) || robot.health === "offline" ? "lost" : robot.health === "fault" ? "fault" : "");
+const how = (robot) => (staleness(robot, live) || robot.health === "offline" ? "lost" : robot.health === "fault" ? "fault" : "");
 
 function look() {
-  const now = Object.fromEntries(Object.values(store.robots).map((robot) => [robot.id, how(robot)]));
+  const now = Object.fromEntries(Object.values(live.robots).map((robot) => [robot.id, how(robot)]));
   for (const [id, found] of Object.entries(known ? now : {})) {
-    const robot = store.robots[id];
-    if (found && id in known && known[id] !== found) alert(`${label(robot)}: ${found === "lost" ? "lost" : "fault"}`, staleness(robot) || robot.cause || "", id);
+    const robot = live.robots[id];
+    if (found && id in known && known[id] !== found) alert(`${label(robot)}: ${found === "lost" ? "lost" : "fault"}`, staleness(robot, live) || robot.cause || "", id);
   }
   if (Object.keys(now).length) known = now;
   const is = known !== null && silentFor() > SILENT;

@@ -67,7 +67,7 @@ export function addPoint(point) {
   update();
 }
 
-function close() {
+export function closeDrawing() {
   Object.assign(drawing, { kind: "", points: [] });
   byId("drawing").hidden = true;
   parts = null;
@@ -75,7 +75,7 @@ function close() {
 }
 
 export function openDrawing() {
-  if (drawing.kind) return close();
+  if (drawing.kind) return closeDrawing();
   drawing.kind = "place";
   const kind = element("select", { "aria-label": "What to draw" }, ...Object.entries(KINDS).map(([value, words]) => element("option", { value }, words)));
   const name = element("input", { "aria-label": "Its name", placeholder: "name", autocomplete: "off" });
@@ -84,7 +84,7 @@ export function openDrawing() {
   parts = { name, save, text: element("pre", {}) };
   kind.addEventListener("change", () => { Object.assign(drawing, { kind: kind.value, points: [] }); update(); });
   name.addEventListener("input", update);
-  const buttons = [save, element("button", { type: "button", onclick: undo }, "Undo"), element("button", { type: "button", class: "plain", onclick: close }, "Close")];
+  const buttons = [save, element("button", { type: "button", onclick: undo }, "Undo"), element("button", { type: "button", class: "plain", onclick: closeDrawing }, "Close")];
   const form = byId("drawing");
   form.hidden = false;
   form.onsubmit = (event) => event.preventDefault();

@@ -2,7 +2,7 @@
 
 import { byId, counted, element, show } from "./dom.js";
 import { order } from "./answers.js";
-import { addPoint, drawing, openDrawing, update } from "./draw.js";
+import { addPoint, closeDrawing, drawing, openDrawing, update } from "./draw.js";
 import { paintMap } from "./mappaint.js";
 import { canvas, fit, map, readColors, resize, size, toScreen, toSite, view, whoIsMapped, zoom } from "./mapview.js";
 import { label, mapped, onChange, select, store } from "./store.js";
@@ -87,7 +87,7 @@ function clicked(event) {
   if (robot) {
     aim(null);
     select([robot], { add: event.shiftKey || event.ctrlKey || event.metaKey });
-  } else if (store.selected.size && !map.target) aim(toSite(...place(event)));
+  } else if (store.selected.size && !map.target && !store.past) aim(toSite(...place(event)));
   else aim(null);
 }
 
@@ -183,9 +183,13 @@ export function startMap() {
     map.dirty = true;
     // Until somebody moves the map it shows all robots, also those that come later.
     if (!view.touched && kinds.has("poses") && view.fitted !== whoIsMapped()) fit();
-    if (kinds.has("selection")) {
+    if (kinds.has("selection") || kinds.has("past")) {
       aim(null);
       update();
+    }
+    if (kinds.has("past")) {
+      if (store.past) closeDrawing();
+      byId("draw").hidden = Boolean(store.past);
     }
   });
   setInterval(() => (map.dirty = true), 1000);

@@ -219,9 +219,21 @@ function tellFrame(there) {
   if (place.textContent !== words) place.textContent = words;
 }
 
+// Over the whole map, so that no picture of it is taken for one of now.
+function drawPast() {
+  paint.save();
+  paint.fillStyle = colors.past;
+  paint.globalAlpha = 0.16;
+  paint.font = "700 44px system-ui, sans-serif";
+  paint.textAlign = "center";
+  for (let y = 60; y < size.height; y += 130) for (let x = 90; x < size.width + 90; x += 230) paint.fillText("PAST", x + (y % 260 ? 60 : 0), y);
+  paint.restore();
+}
+
 // Paint the whole map.
 export function paintMap() {
   paint.clearRect(0, 0, size.width, size.height);
+  if (store.past) drawPast();
   drawGrid();
   drawPlaces();
   drawFences();

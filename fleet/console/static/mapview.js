@@ -17,7 +17,7 @@ export const toSite = (px, py) => [view.x + (px - size.width / 2) / view.scale, 
 
 export function readColors() {
   const style = getComputedStyle(document.documentElement);
-  const names = ["ink", "dim", "line", "line-strong", "ok", "degraded", "fault", "offline", "accent", "paper", "track", "place"];
+  const names = ["ink", "dim", "line", "line-strong", "ok", "degraded", "fault", "offline", "accent", "paper", "track", "place", "past"];
   for (const name of names) colors[name] = style.getPropertyValue(`--${name}`).trim();
 }
 

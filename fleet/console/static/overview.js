@@ -26,6 +26,9 @@ function nextStep(cause) {
   return NEXT.find(([pattern]) => pattern.test(cause))?.[1] || "Look at its history, and at what fleet logs prints.";
 }
 
+// In the past nothing is to be done any more.
+const advice = (cause) => (store.past ? "" : element("p", { class: "next" }, nextStep(cause)));
+
 function causeOf(robot) {
   const old = staleness(robot);
   if (old) return old.replace(/ for \d+ s$/, "");
@@ -53,14 +56,14 @@ function troubleItem(robots) {
   const first = robots[0];
   const oldest = Math.min(...robots.map((robot) => robot.since));
   const many = robots.length > 1 ? `${counted(robots.length, "robot")}: ` : "";
-  return element("li", {}, healthMark(staleness(first) ? "offline" : first.health), element("div", {}, element("p", {}, many + causeOf(first)), element("p", { class: "dim" }, `since ${duration(Math.max(0, store.time - oldest))} · `, ...robots.slice(0, 12).map(robotLink)), element("p", { class: "next" }, nextStep(causeOf(first)))));
+  return element("li", {}, healthMark(staleness(first) ? "offline" : first.health), element("div", {}, element("p", {}, many + causeOf(first)), element("p", { class: "dim" }, store.past ? "" : `since ${duration(Math.max(0, store.time - oldest))} · `, ...robots.slice(0, 12).map(robotLink)), advice(causeOf(first))));
 }
 
 function edgeItem(edge) {
   const words = edge.alive ? edge.cause : edge.problem || "away";
   const robots = byCause(ordered().filter((robot) => robot.edge === edge.edge));
   const fine = edge.alive && edge.health === "ok" && !robots.length;
-  return element("li", { class: "tree" }, healthMark(edge.alive ? edge.health || "ok" : "offline"), element("div", {}, element("p", {}, element("b", {}, edge.edge), fine ? " all well" : ` ${words || ""}`), words && !robots.length ? element("p", { class: "next" }, nextStep(words)) : "", robots.length ? element("ul", {}, ...robots.map(troubleItem)) : ""));
+  return element("li", { class: "tree" }, healthMark(edge.alive ? edge.health || "ok" : "offline"), element("div", {}, element("p", {}, element("b", {}, edge.edge), fine ? " all well" : ` ${words || ""}`), words && !robots.length ? advice(words) : "", robots.length ? element("ul", {}, ...robots.map(troubleItem)) : ""));
 }
 
 export function health() {
@@ -71,7 +74,7 @@ export function health() {
 
 // What of the health is shown; it is drawn anew when that changes, and for the ages.
 export function healthKey() {
-  return [Object.values(store.edges).map((edge) => [edge.edge, edge.alive, edge.health, edge.cause, edge.problem]), ordered().map((robot) => [robot.id, causeOf(robot)]), Math.floor(store.time / 10)];
+  return [Object.values(store.edges).map((edge) => [edge.edge, edge.alive, edge.health, edge.cause, edge.problem]), ordered().map((robot) => [robot.id, causeOf(robot)]), Math.floor(store.time / 10), Boolean(store.past)];
 }
 
 // -- missions ------------------------------------------------------------------------------------------------
@@ -88,7 +91,7 @@ function question(run) {
   const asked = run.question;
   if (!asked) return "";
   const answer = (goesOn) => ({ question: asked.id, goes_on: goesOn });
-  return element("div", { class: "confirm" }, element("p", {}, asked.text), element("small", {}, `without an answer within ${Math.round(asked.seconds)} s: ${asked.on_timeout}`), element("div", { class: "row" }, runButton(run, "Continue", "answer", answer(true)), runButton(run, "Abort", "answer", answer(false))));
+  return element("div", { class: "confirm" }, element("p", {}, asked.text), element("small", {}, `without an answer within ${Math.round(asked.seconds)} s: ${asked.on_timeout}`), store.past ? "" : element("div", { class: "row" }, runButton(run, "Continue", "answer", answer(true)), runButton(run, "Abort", "answer", answer(false))));
 }
 
 function lane(robot) {
@@ -99,7 +102,7 @@ function lane(robot) {
 function runItem(run) {
   const ended = run.phase === "ended";
   const words = ended ? `${run.outcome}${run.reason ? `: ${run.reason}` : ""}` : `step ${run.step}${run.phase === "step" ? "" : ` · ${run.phase}`}`;
-  const buttons = ended ? [] : [run.phase === "paused" ? runButton(run, "Resume", "resume") : runButton(run, "Pause", "pause"), runButton(run, "Abort", "abort")];
+  const buttons = ended || store.past ? [] : [run.phase === "paused" ? runButton(run, "Resume", "resume") : runButton(run, "Pause", "pause"), runButton(run, "Abort", "abort")];
   return element("li", { class: `run ${ended ? "ended" : ""}` }, element("p", {}, element("b", {}, run.mission), ` ${words}`), element("p", { class: "dim" }, `run ${run.run}${run.by ? ` by ${run.by}` : ""}, ${timeOfDay(run.started)}`), question(run), ended ? "" : element("table", {}, ...(run.robots || []).map(lane)), buttons.length ? element("div", { class: "row" }, ...buttons) : "");
 }
 

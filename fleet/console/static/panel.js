@@ -2,6 +2,7 @@
 
 import { byId, counted, duration, element, figure, healthMark, show, timeOfDay } from "./dom.js";
 import { order } from "./answers.js";
+import { configurationKey, configurations, startConfigurations } from "./configuration.js";
 import { askButton, holder, isAnothers } from "./control.js";
 import { health, healthKey, missions, runs, schedules } from "./overview.js";
 import { noPad, padOf } from "./pad.js";
@@ -170,6 +171,18 @@ function cannot(robot, told) {
   return [element("h3", {}, "What it cannot do"), element("ul", { class: "cannot" }, ...items)];
 }
 
+function eventItem(event) {
+  const whose = event.robot && store.past && !store.selected.size ? `${event.robot}: ` : "";
+  return element("li", {}, element("time", {}, timeOfDay(event.at)), element("p", {}, whose + event.text, event.by ? element("small", {}, ` ${event.by}${event.proven ? "" : " (claimed)"}`) : ""));
+}
+
+// What had happened before a moment of the past: to the selected robots, without any to all.
+function events(chosen) {
+  const found = store.past.events.filter((event) => !chosen.length || chosen.some((robot) => robot.id === event.robot));
+  const none = found.length ? "" : element("p", { class: "dim" }, "No event was recorded shortly before.");
+  return [element("h3", {}, "History until then"), none, element("ul", { class: "history" }, ...found.slice(0, 30).map(eventItem))];
+}
+
 // What was asked of the robot lately, by whom, and what became of it; asked for when somebody wants it.
 let past = { robot: "", events: null };
 function history(robot) {
@@ -179,12 +192,10 @@ function history(robot) {
       draw();
     });
   };
-  const events = past.robot === robot.id ? past.events : null;
-  const items = (events || []).map((event) =>
-    element("li", {}, element("time", {}, timeOfDay(event.at)), element("p", {}, event.text, event.by ? element("small", {}, ` ${event.by}${event.proven ? "" : " (claimed)"}`) : "")),
-  );
-  const none = events && !events.length ? element("p", { class: "dim" }, "Nothing is known.") : "";
-  return [element("h3", {}, "History"), element("button", { type: "button", onclick: look }, events ? "Look again" : "Show"), none, element("ul", { class: "history" }, ...items)];
+  const known = past.robot === robot.id ? past.events : null;
+  const items = (known || []).map(eventItem);
+  const none = known && !known.length ? element("p", { class: "dim" }, "Nothing is known.") : "";
+  return [element("h3", {}, "History"), element("button", { type: "button", onclick: look }, known ? "Look again" : "Show"), none, element("ul", { class: "history" }, ...items)];
 }
 
 function release(robots) {
@@ -239,7 +250,7 @@ function titleOfSeveral(robots) {
   const names = robots.map((robot) => element("li", {}, healthMark(robot.health), ` ${label(robot)}`));
   return [
     element("div", { class: "head" }, element("h2", {}, `${robots.length} robots`)),
-    element("p", { class: "dim" }, "Click on the map to send them there, spread apart."),
+    element("p", { class: "dim" }, store.past ? "As they were." : "Click on the map to send them there, spread apart."),
     element("ul", { class: "plain-list" }, ...names),
   ];
 }
@@ -247,7 +258,7 @@ function titleOfSeveral(robots) {
 function titleOfNobody() {
   return [
     element("div", { class: "head" }, element("h2", {}, "No robot selected")),
-    element("p", { class: "dim" }, "Choose one in the list or on the map. Drag a box to choose several, then click where they shall go."),
+    element("p", { class: "dim" }, store.past ? "Choose one in the list or on the map." : "Choose one in the list or on the map. Drag a box to choose several, then click where they shall go."),
   ];
 }
 
@@ -273,23 +284,26 @@ function draw() {
   const described = robot && store.descriptions[robot.id];
   const names = chosen.map((each) => [each.id, each.health, each.cause, each.emergency_stop, staleness(each)]);
   const make = robot ? () => title(robot) : chosen.length ? () => titleOfSeveral(chosen) : titleOfNobody;
-  part("title", names, make);
-  part("stopped", [stopped.map((each) => [each.id, each.stop_cause]), releasing, causes, store.permission], () => (stopped.length ? release(stopped) : []));
+  part("title", [names, Boolean(store.past)], make);
+  const now = !store.past;
+  part("stopped", now && [stopped.map((each) => [each.id, each.stop_cause]), releasing, causes, store.permission], () => (now && stopped.length ? release(stopped) : []));
   const alone = !chosen.length;
   part("health", alone && healthKey(), () => (alone ? health() : []));
-  part("runs", alone && [store.runs, store.permission], () => (alone ? runs() : []));
+  part("runs", alone && [store.runs, store.permission, now], () => (alone ? runs() : []));
   part("missions", alone && [store.missions, store.permission], () => (alone ? missions() : []));
   part("cannot", robot && described && [robot.id, described, store.permission], () => (robot && described ? cannot(robot, described) : []));
   part("schedules", alone && [store.schedules, store.permission], () => (alone ? schedules() : []));
+  part("configuration", alone && now && configurationKey(), () => (alone && now ? configurations() : []));
   part("figures", robot && [robot, position(robot), store.poses[robot.id]], () => (robot ? [facts(robot)] : []));
   const drives = robot && described?.drives && operates() ? described : null;
   part("driving", drives && [robot.id, drives.limits], () => (drives ? [element("h3", {}, "Drive by hand"), padOf(robot, drives)] : noPad() || []));
   // While a form is open, nothing that is told replaces what is typed into it.
-  part("asking", robot && [robot.id, opened || described, robot.run, store.permission], () => (robot ? commands(robot) : []));
-  const others = robot && operates() && isAnothers(robot);
+  part("asking", robot && now && [robot.id, opened || described, robot.run, store.permission], () => (robot && now ? commands(robot) : []));
+  const others = robot && now && operates() && isAnothers(robot);
   part("control", others && [robot.id, robot.control], () => (others ? [askButton(robot)] : []));
-  part("plots", robot && [robot.id, plotsKey(robot)], () => (robot ? plots(robot) : []));
-  part("history", robot && [robot.id, past], () => (robot ? history(robot) : []));
+  part("plots", robot && now && [robot.id, plotsKey(robot)], () => (robot && now ? plots(robot) : []));
+  part("history", robot && now && [robot.id, past], () => (robot && now ? history(robot) : []));
+  part("events", !now && [store.past.events, chosen.map((each) => each.id)], () => (now ? [] : events(chosen)));
 }
 
 export function startPanel() {
@@ -300,7 +314,7 @@ export function startPanel() {
   };
   onChange((kinds) => {
     if (kinds.has("open")) watched = null;
-    if (kinds.has("selection")) {
+    if (kinds.has("selection") || kinds.has("past")) {
       window.fleetPage.endPads();
       releasing = false;
       opened = "";
@@ -309,6 +323,7 @@ export function startPanel() {
     draw();
   });
   startPlots(draw);
+  startConfigurations(draw);
   const pane = byId("robot");
   pane.addEventListener("pointerdown", () => (held = true));
   for (const end of ["pointerup", "pointercancel"]) {

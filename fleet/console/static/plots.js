@@ -119,6 +119,7 @@ function tellValues() {
 export function startPlots(call) {
   redraw = call;
   onChange((kinds) => {
+    if (store.past) return;
     if (!kinds.has("numbers") && !kinds.has("robots") && !kinds.has("selection")) return;
     take();
     tellValues();

@@ -38,9 +38,11 @@
   const soon = () => AbortSignal.timeout(POST_WITHIN);
 
   async function openSession() {
-    const token = new URLSearchParams(location.hash.slice(1)).get("token");
+    const given = new URLSearchParams(location.hash.slice(1));
+    const token = given.get("token");
     if (token) {
-      history.replaceState(null, "", location.pathname);
+      given.delete("token"); // what is left is a moment of the past
+      history.replaceState(null, "", location.pathname + (given.size ? `#${given}` : ""));
       const body = JSON.stringify({ token });
       const answer = await fetch("/api/session", { method: "POST", headers: page.headers(), body, signal: soon() });
       if (answer.ok) return keep(await answer.json());

@@ -1,7 +1,7 @@
 // What became of the last stop: who answered after how many milliseconds, who was seen to stand, who did not.
 
 import { byId, counted, element, show } from "./dom.js";
-import { label, onChange, ordered, silentFor, SILENT, store } from "./store.js";
+import { label, live, onChange, ordered, silentFor, SILENT, store } from "./store.js";
 
 const page = window.fleetPage;
 let remark = "";
@@ -111,9 +111,9 @@ function drawButtons() {
 let groups = "";
 function drawGroups() {
   const found = [];
-  for (const edge of Object.values(store.edges)) {
+  for (const edge of Object.values(live.edges)) {
     for (const [name, robots] of Object.entries(edge.groups || {})) {
-      found.push([Object.keys(store.edges).length > 1 ? `${edge.edge}/${name}` : name, robots.map((robot) => `${edge.edge}/${robot}`)]);
+      found.push([Object.keys(live.edges).length > 1 ? `${edge.edge}/${name}` : name, robots.map((robot) => `${edge.edge}/${robot}`)]);
     }
   }
   const key = JSON.stringify(found);

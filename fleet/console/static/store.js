@@ -6,24 +6,22 @@ export const SILENT = 1000; // ms without a word after which nothing that is sho
 const TRACK = 400; // points of a track that are kept
 const STEP = 0.05; // m between two points of a track
 
+const KINDS = ["edges", "robots", "poses", "goals", "descriptions", "missions", "runs", "numbers", "schedules", "requests"];
+const IN_PAST = new Set(["stop", "ping", "watch", "extent", "moment"]); // what may be asked while the past is shown
+
+// What is now, whatever the page shows.
+export const live = { tracks: {}, now: 0, time: 0 };
+for (const kind of KINDS) live[kind] = {};
+
+// What the page shows: what is now, or a moment of the past.
 export const store = {
-  edges: {},
-  robots: {},
-  poses: {},
-  goals: {},
-  descriptions: {},
-  stops: {},
-  missions: {},
-  runs: {},
-  numbers: {},
-  schedules: {},
-  requests: {},
-  tracks: {},
+  ...live,
+  stops: {}, // always of now
+  past: null, // {at, recorded, events}: the moment that is shown, and when the last of it was recorded
   operator: "",
   permission: "view",
   version: "",
-  now: 0, // the console's monotonic seconds
-  time: 0, // its Unix seconds
+  // now: the console's monotonic seconds, in the past Unix seconds; time: Unix seconds
   heard: -Infinity, // when it was heard last, ms of this page
   roundTrip: null, // ms
   selected: new Set(),
@@ -70,17 +68,26 @@ function take(message) {
 }
 
 function takeNews(message) {
-  store.now = message.now;
-  store.time = message.time;
+  Object.assign(live, { now: message.now, time: message.time });
+  if (!store.past) Object.assign(store, { now: live.now, time: live.time });
   const kinds = new Set();
-  for (const kind of ["edges", "robots", "poses", "goals", "descriptions", "stops", "missions", "runs", "numbers", "schedules", "requests"]) {
+  for (const kind of ["stops", ...KINDS]) {
     if (!message[kind]) continue;
     kinds.add(kind);
-    Object.assign(store[kind], message[kind]);
+    Object.assign(kind === "stops" ? store.stops : live[kind], message[kind]);
   }
   for (const [id, pose] of Object.entries(message.poses || {})) extend(id, pose);
   for (const [request, told] of Object.entries(message.stops || {})) window.fleetPage.answered(request, told);
   if (kinds.size) changed(kinds);
+}
+
+// Show a moment of the past, by what the console told of it; without one, what is now.
+export function showMoment(moment) {
+  store.past = moment && { at: moment.at, recorded: moment.recorded, events: moment.events };
+  for (const kind of KINDS) store[kind] = moment ? moment.entries[kind] || {} : live[kind];
+  store.tracks = moment ? moment.tracks : live.tracks;
+  Object.assign(store, moment ? { now: moment.at, time: moment.at } : { now: live.now, time: live.time });
+  changed(new Set(["past", ...KINDS]));
 }
 
 function takeAnswer(message) {
@@ -92,8 +99,8 @@ function takeAnswer(message) {
 
 function extend(id, pose) {
   // A track is in one frame: it begins anew when the robot is placed in the site's.
-  if (store.tracks[id]?.placed !== pose[4]) store.tracks[id] = Object.assign([], { placed: pose[4] });
-  const track = store.tracks[id];
+  if (live.tracks[id]?.placed !== pose[4]) live.tracks[id] = Object.assign([], { placed: pose[4] });
+  const track = live.tracks[id];
   const last = track[track.length - 1];
   if (last && Math.hypot(last[0] - pose[0], last[1] - pose[1]) < STEP) return;
   track.push([pose[0], pose[1]]);
@@ -102,6 +109,7 @@ function extend(id, pose) {
 
 export function send(message) {
   if (!socket || socket.readyState !== WebSocket.OPEN) return false;
+  if (store.past && !IN_PAST.has(message.ask)) return false;
   socket.send(JSON.stringify(message));
   return true;
 }
@@ -184,10 +192,10 @@ export function ordered() {
 }
 
 // Why what is known of a robot is old, empty when it is not.
-export function staleness(robot) {
-  const edge = store.edges[robot.edge];
+export function staleness(robot, among = store) {
+  const edge = among.edges[robot.edge];
   if (edge && !edge.alive) return `edge ${robot.edge}: ${edge.problem || "away"}`;
-  const old = store.now - robot.heard;
+  const old = among.now - robot.heard;
   return old > 3 ? `nothing was heard of it for ${Math.round(old)} s` : "";
 }
 

@@ -22,6 +22,7 @@ from fleet.config.load import Loaded, load
 from fleet.config.problems import InvalidConfig
 from fleet.errors import FleetError, StateError
 from fleet.host.edge.last_configuration import keep
+from fleet.host.edge.shown_configuration import shown_configuration
 from fleet.host.process.rebuild import rebuild, take_over
 from fleet.host.process.robot_process import RobotProcess
 from fleet.host.robot.local_robot import LocalRobot
@@ -98,6 +99,9 @@ class Changes:
         try:
             asked = decode_json(question.payload, ChangesAsked)
             answer = await self._answer_to(asked)
+            if asked.text:
+                text = await asyncio.to_thread(shown_configuration, self._running.file)
+                answer = msgspec.structs.replace(answer, text=text)
         except msgspec.DecodeError as error:
             answer = ChangesAnswer(refusal=f"what is asked cannot be read: {error}")
         except Exception as error:  # whoever asks waits; the edge goes on
@@ -124,7 +128,7 @@ class Changes:
         found = await asyncio.to_thread(_found, self._running, new)
         if asked.do == "diff":
             planned = (msgspec.structs.replace(each, why=each.why or self._hindrance(each)) for each in found)
-            return ChangesAnswer(tuple(planned), file)
+            return ChangesAnswer(tuple(planned), file, warnings=tuple(map(str, new.warnings)))
         changes = await self._apply(found, new, asked)
         await self._keep()
         return ChangesAnswer(changes, file)

@@ -5,6 +5,14 @@ import pytest
 TWIN = "6f0c9a1e-8d2b-4c57-9a39-2f4a1d0b7c11"
 
 
+@pytest.fixture(autouse=True)
+def given_way(monkeypatch):
+    """Keep the priority of the tests; the recorder asks to have a lower one."""
+    given = []
+    monkeypatch.setattr("fleet.cli.record.give_way", lambda: given.append(True))
+    return given
+
+
 def test_what_was_recorded_for_a_while_is_listed_and_exported(fleet, runtime, play_edge, place):
     play_edge("yard-1", robots={"rex": {"twin": TWIN}})
     made = fleet("record", "--into", "mine", "--for", "1.5s", "--json")

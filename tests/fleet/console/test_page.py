@@ -11,6 +11,7 @@ import yaml
 
 from fleet.config.load import load
 from fleet.history.record import Record
+from fleet.model.change import ChangesAnswer
 from fleet.model.command import Reply, ReplyStatus, Transport
 from fleet.model.description import CommandDescription, ParameterDescription, RobotDescription
 from fleet.model.event import EventKind, Requester
@@ -453,6 +454,16 @@ def test_what_is_wrong_is_shown_by_cause_while_no_robot_is_selected(open_page, y
     shows(page, "#robot .causes .next", "Look at its history")
     page.click(".causes button.link >> nth=0")
     page.wait_for_selector('#robots [aria-selected="true"]')
+
+
+def test_the_fleet_file_of_an_edge_is_shown_with_what_is_wrong_and_as_text(open_page, yard):
+    told = ChangesAnswer((), "/etc/fleet.yaml", "it cannot be used", (SCRIPT,), text=f"robots: {SCRIPT}\n")
+    yard.tells("fleet/yard-1/changes", told)
+    page = open_page()
+    page.click("text=Show fleet.yaml of yard-1")
+    shows(page, ".configuration .cause", "it cannot be used")
+    assert SCRIPT in page.inner_text(".configuration .file")
+    assert page.evaluate("window.broken") is None
 
 
 def test_who_has_control_is_asked_for_it_and_gives_it_which_stops_the_robot(open_page, yard):

@@ -2,9 +2,11 @@
 
 import os
 
+import msgspec
 import pytest
 
 from fleet.history.record import Record
+from fleet.missions.report import RunState
 from fleet.model.event import EventKind
 from fleet.record import recorder as module
 from fleet.record.recorder import AGAIN, Recorder
@@ -34,6 +36,22 @@ def test_samples_and_events_are_recorded_when_they_came(recorder, clock, tmp_pat
     assert [topic for topic, _, _ in found] == ["/yard-1/places/main", "/yard-1/rex/history"]
     assert found[1][2].log_time - found[0][2].log_time == pytest.approx(1e9, abs=1e3)
     assert (recorder.recorded, recorder.problem) == (2, "")
+
+
+def test_each_file_tells_which_missions_were_under_way_when_it_began(recorder, clock, tmp_path, read_back):
+    runs = [RunState(run, "yard-1", "round", "step", "way", 1.0) for run in ("r1", "r2")]
+    ended = RunState("r2", "yard-1", "round", "ended", "", 1.0, outcome="completed")
+    for run in (*runs, ended):
+        recorder.take("yard-1", f"fleet/yard-1/runs/{run.run}", msgspec.json.encode(run))
+    recorder.write()
+    clock.advance(Bounds().file_age)
+    recorder.take("yard-1", "fleet/yard-1/held", b"{}")
+    recorder.write()
+    first, second = files_in(tmp_path / "recordings")
+    assert [topic for topic, _, _ in read_back(first)] == ["/yard-1/runs"] * 3
+    found = read_back(second)
+    assert [topic for topic, _, _ in found] == ["/yard-1/runs", "/yard-1/held"]
+    assert msgspec.json.decode(found[0][2].data)["run"] == "r1"
 
 
 def test_nothing_that_came_leaves_no_file(recorder, tmp_path):

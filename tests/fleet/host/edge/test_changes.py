@@ -548,3 +548,13 @@ async def test_a_person_sees_and_applies_the_changes_and_what_is_left_after_the_
     assert (await fleet("diff", file))[:2] == (7, "max: rebuilt because of stands\nuntouched: 1 robot: rex\n")
     code, _, err = await fleet("apply", file)
     assert (code, "does not run; fleet run" in err) == (4, True)
+
+
+async def test_what_the_file_says_is_told_only_to_who_asks_for_it(field):
+    assert (await field.ask()).text == ""
+    told = await field.ask(text=True)
+    assert ("rex" in told.text, told.same) == (True, True)
+    assert "leave worker: main out" in told.warnings[0]
+    field.place.file.write_text("robots: 5\n")
+    broken = await field.ask(text=True)
+    assert (bool(broken.problems), "robots: 5" in broken.text) == (True, True)

@@ -1,0 +1,43 @@
+"""What the fleet.yaml of an edge says, what is wrong with it, and what of it is not in use yet."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+import msgspec
+
+from fleet.bus import keys
+from fleet.bus.zenoh_session import ZenohSession
+from fleet.errors import Refused
+from fleet.model.change import Change, ChangeKind, ChangesAnswer, ChangesAsked
+from fleet.runtime.decoding import decode_json
+
+ANSWER_WITHIN = 60.0  # s: the file is read, and each drop-in file is asked by a process of its own
+
+
+def look(edge: str, lanes: Iterable[ZenohSession]) -> dict[str, object]:
+    """Return what an edge says of its file, for a page; raises Refused when it does not say. Blocks."""
+    asked = msgspec.json.encode(ChangesAsked(text=True))
+    for lane in lanes:
+        for _, data in lane.ask(keys.changes(edge), asked, timeout=ANSWER_WITHIN):
+            return _shown(decode_json(data, ChangesAnswer))
+    raise Refused(f"edge {edge} does not tell its configuration; it does so on its own computer alone")
+
+
+def _shown(answer: ChangesAnswer) -> dict[str, object]:
+    """Return an answer as a page takes it."""
+    waits = [change for change in answer.changes if change.kind is not ChangeKind.UNTOUCHED]
+    return {
+        "file": answer.file,
+        "text": answer.text,
+        "problems": [*([answer.refusal] if answer.refusal else []), *answer.problems],
+        "warnings": list(answer.warnings),
+        "changes": [_words(change) for change in waits],
+    }
+
+
+def _words(change: Change) -> str:
+    """Return a change that is not in use yet in words."""
+    fields = f": {'; '.join(change.fields)}" if change.fields else ""
+    why = f" ({change.why})" if change.why else ""
+    return f"{change.name}: {change.kind.value}{fields}{why}"

@@ -1,0 +1,60 @@
+"""What a page asks about without changing anything: history, causes of stops, configuration, the past."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Awaitable, Callable, Mapping
+from typing import TYPE_CHECKING, Any
+
+from fleet.console import commands, configuration
+from fleet.console.requests import CausesAsked, ConfigAsked, ExtentAsked, HistoryAsked, MomentAsked
+from fleet.errors import Refused
+
+if TYPE_CHECKING:
+    from fleet.console.hub import Hub
+
+Lookup = Callable[[Any], Awaitable[dict[str, object]]]
+
+
+class Lookups:
+    """The look-ups of one page. ``calls`` return, by what is asked, what is added to the answer."""
+
+    def __init__(self, hub: Hub) -> None:
+        self._hub = hub
+        self._travels = False
+        self.calls: Mapping[type[object], Lookup] = {
+            CausesAsked: self._causes,
+            HistoryAsked: self._history,
+            ConfigAsked: self._config,
+            ExtentAsked: self._extent,
+            MomentAsked: self._moment,
+        }
+
+    async def _causes(self, asked: CausesAsked) -> dict[str, object]:
+        """Return who stopped robots."""
+        robots, lanes = self._hub.view.named(asked.robots), list(self._hub.edges.lanes().values())
+        return {"causes": await asyncio.to_thread(commands.causes, lanes, robots)}
+
+    async def _history(self, asked: HistoryAsked) -> dict[str, object]:
+        """Return what happened to a robot."""
+        lanes = list(self._hub.edges.lanes().values())
+        return {"history": await asyncio.to_thread(commands.history, lanes, asked.robot)}
+
+    async def _config(self, asked: ConfigAsked) -> dict[str, object]:
+        """Return what the fleet.yaml of an edge says."""
+        lanes = list(self._hub.edges.lanes().values())
+        return {"config": await asyncio.to_thread(configuration.look, asked.edge, lanes)}
+
+    async def _extent(self, _asked: ExtentAsked) -> dict[str, object]:
+        """Return from when until when something is recorded."""
+        return {"extent": await self._hub.pasts.extent()}
+
+    async def _moment(self, asked: MomentAsked) -> dict[str, object]:
+        """Return how the fleet was; one moment at a time for each page."""
+        if self._travels:
+            raise Refused("another moment is still being read for this page")
+        self._travels = True
+        try:
+            return {"moment": await self._hub.pasts.moment(asked.at)}
+        finally:
+            self._travels = False

@@ -1,0 +1,137 @@
+"""The fleet at a moment of a recording, in the form in which a page is told what is now; pure."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Iterable, Mapping
+from typing import TYPE_CHECKING, Any
+
+import msgspec
+
+from fleet.console.commands import shown_event
+from fleet.console.fleet_view import FleetView, Goals, id_of
+from fleet.history.record import Record
+from fleet.missions.report import RunState
+from fleet.model.report import PoseReport
+from fleet.model.state import EdgeState, RobotState
+from fleet.replay.reports import report_in
+from fleet.runtime.decoding import decode_json
+
+if TYPE_CHECKING:
+    from fleet.record.reading import ReadMessage  # its packages are an extra
+
+log = logging.getLogger(__name__)
+
+SILENT = 3.0  # s without a word after which an edge counts as away
+_STATE = "fleet.RobotState"
+_BROKEN = (msgspec.DecodeError, ValueError, KeyError, TypeError)
+
+
+def moment(at: float, found: Iterable[ReadMessage], track: Iterable[ReadMessage]) -> dict[str, Any]:
+    """Return the fleet at a moment (Unix s) by the messages that were newest then, and positions before it.
+
+    ``recorded`` is when the last of them was received: what is much older than the moment is none of it.
+    """
+    shown = _Shown(at)
+    # States first: a pose is shown in the frame that its robot's state tells.
+    ordered = sorted(found, key=lambda each: (each.schema != _STATE, each.received))
+    for message in ordered:
+        shown.take(message)
+    recorded = max((each.received for each in ordered), default=0.0)
+    return {"at": at, "recorded": recorded, **shown.entries(), "tracks": shown.tracks(track)}
+
+
+class _Shown:
+    """The entries of a moment, as they are taken from messages."""
+
+    def __init__(self, at: float) -> None:
+        self._at = at
+        self._view = FleetView()
+        self._heard: dict[str, float] = {}
+        self._events: list[Record] = []
+        self._takers = {
+            _STATE: self._state,
+            "fleet.EdgeState": self._edge,
+            "fleet.RunState": self._run,
+            "fleet.Record": self._event,
+            "fleet.Document": self._places,
+            "foxglove.PoseInFrame": self._pose,
+        }
+
+    def take(self, message: ReadMessage) -> None:
+        """Take a message; what cannot be read is logged and left out."""
+        try:
+            self._takers[message.schema](message)
+        except _BROKEN as error:
+            log.warning("what was recorded on %s cannot be read: %s", message.topic, error)
+
+    def entries(self) -> dict[str, Any]:
+        """Return the entries by kind and identity, and the events, the newest first."""
+        for edge, heard in self._heard.items():
+            if self._at - heard > SILENT:
+                why = f"nothing of it was recorded for {self._at - heard:.0f} s"
+                self._view.edge_is(edge, alive=False, problem=why, now=heard)
+        events = sorted(self._events, key=lambda event: -event.stamp)
+        return {"entries": self._view.since(0), "events": [_shown_event(event) for event in events]}
+
+    def tracks(self, found: Iterable[ReadMessage]) -> dict[str, list[list[float]]]:
+        """Return the tracks of robots, each in the frame in which its robot is shown."""
+        tracks: dict[str, list[list[float]]] = {}
+        for message in found:
+            name = id_of(message.edge, message.robot)
+            report = _pose_in(message)
+            if report is not None and name in self._view.states:
+                tracks.setdefault(name, []).append(self._view.shown_pose(name, report)[:2])
+        return tracks
+
+    def _state(self, message: ReadMessage) -> None:
+        """Take the state of a robot."""
+        self._view.take_state(decode_json(message.data, RobotState), message.received)
+        self._hear(message)
+
+    def _edge(self, message: ReadMessage) -> None:
+        """Take the state of an edge."""
+        self._view.take_edge(decode_json(message.data, EdgeState), message.received)
+        self._hear(message)
+
+    def _hear(self, message: ReadMessage) -> None:
+        """Take that an edge was heard."""
+        self._heard[message.edge] = max(message.received, self._heard.get(message.edge, 0.0))
+
+    def _run(self, message: ReadMessage) -> None:
+        """Take a run of a mission; the newest comes last."""
+        self._view.take_run(decode_json(message.data, RunState))
+
+    def _event(self, message: ReadMessage) -> None:
+        """Take an event."""
+        self._events.append(decode_json(message.data, Record))
+
+    def _places(self, message: ReadMessage) -> None:
+        """Take where the robots of an edge go; one of a long time ago is nowhere on its way."""
+        if self._at - message.received <= SILENT:
+            self._view.take_goals(message.edge, decode_json(message.data, Goals))
+
+    def _pose(self, message: ReadMessage) -> None:
+        """Take where a robot is."""
+        name = id_of(message.edge, message.robot)
+        report = _pose_in(message)
+        if report is not None and name in self._view.states:
+            self._view.put("poses", name, self._view.shown_pose(name, report))
+
+
+def _pose_in(message: ReadMessage) -> PoseReport | None:
+    """Return the pose of a recorded position; None for what is none."""
+    try:
+        report = report_in(message.schema, message.data)
+    except ValueError:
+        return None
+    return report if isinstance(report, PoseReport) else None
+
+
+def _shown_event(event: Record) -> Mapping[str, object]:
+    """Return an event for a page, with whose it is."""
+    return {
+        "edge": event.edge,
+        "robot": id_of(event.edge, event.robot) if event.robot else "",
+        **shown_event(event),
+    }

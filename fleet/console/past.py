@@ -1,0 +1,67 @@
+"""The recordings that a console shows: the fleet at a moment of them."""
+
+from __future__ import annotations
+
+import asyncio
+import math
+from collections.abc import Callable, Iterable
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from fleet.console.moment import moment
+from fleet.errors import Refused
+from fleet.record.child import EXTRA, is_installed
+
+if TYPE_CHECKING:
+    from fleet.record.past import Past
+
+TRACK = 60.0  # s of a track before the moment
+TRACK_POINTS = 30
+NOTHING = "nothing is recorded"
+HOW = "record: in fleet.yaml records; fleet console --recordings FOLDER shows another recording"
+
+
+class Pasts:
+    """The recordings in ``folders``; one moment is read at a time, on a thread of its own."""
+
+    def __init__(self, folders: Callable[[], Iterable[Path]]) -> None:
+        self._folders = folders
+        self._known: dict[Path, Past] = {}
+        self._reading = asyncio.Lock()
+
+    async def extent(self) -> dict[str, float]:
+        """Return from when until when something is recorded (Unix s); raises Refused when nothing is."""
+        async with self._reading:
+            return await asyncio.to_thread(self._extent)
+
+    async def moment(self, at: float) -> dict[str, Any]:
+        """Return the fleet at a moment (Unix s); raises Refused when nothing is recorded, and StateError."""
+        if not math.isfinite(at) or not 0 <= at < 1e10:
+            raise Refused("this is no moment")
+        async with self._reading:
+            return await asyncio.to_thread(self._moment, at)
+
+    def _extent(self) -> dict[str, float]:
+        """Return the extent; blocks."""
+        found = [extent for past in self._pasts() if (extent := past.extent()) is not None]
+        if not found:
+            raise Refused(NOTHING, hint=HOW)
+        return {"since": min(since for since, _ in found), "until": max(until for _, until in found)}
+
+    def _moment(self, at: float) -> dict[str, Any]:
+        """Return the fleet at a moment; blocks."""
+        pasts = self._pasts()
+        found = [message for past in pasts for message in past.at(at)]
+        if not found:
+            raise Refused(f"{NOTHING} of that time", hint=HOW)
+        return moment(at, found, [each for past in pasts for each in past.track(at, TRACK, TRACK_POINTS)])
+
+    def _pasts(self) -> list[Past]:
+        """Return the folders of recordings that there are; raises Refused without the extra."""
+        if not is_installed():
+            raise Refused(EXTRA)
+        from fleet.record.past import Past  # noqa: PLC0415 - its packages are an extra
+
+        there = [folder for folder in self._folders() if folder.is_dir()]
+        self._known = {folder: self._known.get(folder) or Past(folder) for folder in there}
+        return list(self._known.values())

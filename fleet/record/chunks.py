@@ -1,0 +1,153 @@
+"""The chunks of an MCAP file, found without its index: a file in progress is read like a finished one.
+
+A chunk tells its times in its head, and the records behind it tell which channels it has: whoever looks for
+a few messages unpacks a few chunks. Source: https://mcap.dev/spec.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import os
+import struct
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import msgspec
+from mcap.data_stream import ReadDataStream
+from mcap.opcode import Opcode
+from mcap.records import Chunk as ChunkRecord
+from mcap.stream_reader import get_chunk_data_stream
+
+from fleet.record.export import BROKEN
+
+_BLOCK = 64 * 1024  # bytes of the file that are read at once
+_MAGIC = 8  # bytes before the first record
+_RECORD = struct.Struct("<BQ")  # opcode, bytes of the content
+_CHUNK = struct.Struct("<QQQI")  # first and last time, bytes unpacked, checksum
+_TEXT = struct.Struct("<I")  # bytes of a text
+_MESSAGE = struct.Struct("<HIQQ")  # channel, count, received and stamp in Unix ns
+_NUMBER = struct.Struct("<H")
+_CHANNEL = struct.Struct("<HH")  # its id, its schema
+LARGEST = 64 * 1024 * 1024
+"""Bytes of an unpacked chunk; a chunk that says to be larger is none of a recorder's."""
+
+
+class Chunk(msgspec.Struct, frozen=True):
+    """One chunk: its times (Unix ns), where its record is, and its channels as bits by their ids."""
+
+    begins: int
+    ends: int
+    at: int
+    size: int
+    channels: int
+
+
+class Channel(msgspec.Struct, frozen=True):
+    """A topic of the file, and the name of its schema."""
+
+    topic: str
+    schema: str
+
+
+class RawMessage(msgspec.Struct, frozen=True):
+    """A message as it was recorded; times in Unix ns."""
+
+    channel: int
+    received: int
+    stamp: int
+    data: bytes
+
+
+class Chunks:
+    """The chunks of the file at ``path``, the oldest first; ``look`` adds those that were written since.
+
+    Raises OSError when the file cannot be read; a part of it that is damaged is left out.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self.found: list[Chunk] = []
+        self.channels: dict[int, Channel] = {}
+        self._schemas: dict[int, str] = {}
+        self._at = _MAGIC
+
+    def look(self) -> None:
+        """Find what was written since the last look."""
+        with self.path.open("rb", buffering=0) as file:
+            size = os.fstat(file.fileno()).st_size
+            begin, block = self._at, b""
+            while True:
+                if self._at + _RECORD.size + _CHUNK.size > begin + len(block):
+                    begin, block = self._at, os.pread(file.fileno(), _BLOCK, self._at)
+                at = self._at - begin
+                if len(block) < at + _RECORD.size + _CHUNK.size:
+                    return
+                opcode, length = _RECORD.unpack_from(block, at)
+                if opcode == Opcode.DATA_END or not 0 < length <= size - self._at:
+                    return
+                self._take(file.fileno(), opcode, length, block[at + _RECORD.size :][: _CHUNK.size])
+                self._at += _RECORD.size + length
+
+    def _take(self, file: int, opcode: int, length: int, head: bytes) -> None:
+        """Take a record by the first bytes of its content."""
+        if opcode == Opcode.CHUNK:
+            begins, ends, _, _ = _CHUNK.unpack(head)
+            self.found.append(Chunk(begins, ends, self._at + _RECORD.size, length, 0))
+        elif opcode == Opcode.MESSAGE_INDEX and self.found:
+            (channel,) = _NUMBER.unpack_from(head)
+            last = self.found[-1]
+            self.found[-1] = msgspec.structs.replace(last, channels=last.channels | 1 << channel)
+            if channel not in self.channels:  # it is named in the chunk that has it first
+                self._unpack(file, last, 0, lambda _: True)
+
+    def messages(self, chunk: Chunk, wanted: int, until: int) -> list[RawMessage]:
+        """Return the messages of a chunk on channels, as bits, that were received until then (Unix ns)."""
+        found: list[RawMessage] = []
+        with self.path.open("rb", buffering=0) as file:
+            self._unpack(file.fileno(), chunk, wanted, found.append)
+        return [message for message in found if message.received <= until]
+
+    def _unpack(self, file: int, chunk: Chunk, wanted: int, take: Callable[[RawMessage], object]) -> None:
+        """Read the records of a chunk: schemas, channels, and the messages on the channels ``wanted``."""
+        data = _unpacked(os.pread(file, chunk.size, chunk.at))
+        with contextlib.suppress(struct.error):  # the rest is damaged
+            for opcode, at, length in _records(data):
+                if opcode == Opcode.MESSAGE:
+                    channel, _, received, stamp = _MESSAGE.unpack_from(data, at)
+                    if wanted >> channel & 1 and channel in self.channels:
+                        take(RawMessage(channel, received, stamp, data[at + _MESSAGE.size : at + length]))
+                elif opcode == Opcode.SCHEMA:
+                    (number,) = _NUMBER.unpack_from(data, at)
+                    self._schemas[number] = _text(data, at + _NUMBER.size)
+                elif opcode == Opcode.CHANNEL:
+                    number, schema = _CHANNEL.unpack_from(data, at)
+                    topic = _text(data, at + _CHANNEL.size)
+                    self.channels[number] = Channel(topic, self._schemas.get(schema, ""))
+
+
+def _records(data: bytes) -> Iterator[tuple[int, int, int]]:
+    """Yield the records of a chunk: opcode, where the content is, and its length."""
+    at = 0
+    while at + _RECORD.size <= len(data):
+        opcode, length = _RECORD.unpack_from(data, at)
+        yield opcode, at + _RECORD.size, length
+        at += _RECORD.size + length
+
+
+def _unpacked(content: bytes) -> bytes:
+    """Return the records of a chunk by the content of its record; none of a chunk that is damaged."""
+    try:
+        chunk = ChunkRecord.read(ReadDataStream(io.BytesIO(content)))
+        if chunk.uncompressed_size > LARGEST:
+            return b""
+        stream, length = get_chunk_data_stream(chunk)
+        return stream.read(length)
+    except BROKEN:
+        return b""
+
+
+def _text(data: bytes, at: int) -> str:
+    """Return a text of a record."""
+    (length,) = _TEXT.unpack_from(data, at)
+    return data[at + _TEXT.size : at + _TEXT.size + length].decode(errors="replace")

@@ -1,0 +1,151 @@
+"""What a recording tells of one moment: the newest message of each topic, and the events before it.
+
+The work for a moment is bounded, however much was recorded: so many files, so many chunks, so many events.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable, Iterator, Mapping
+from pathlib import Path
+from types import MappingProxyType
+
+from fleet.errors import StateError
+from fleet.record.chunks import Channel, Chunk, Chunks, RawMessage
+from fleet.record.reading import ReadMessage
+from fleet.record.ring import begin_of, files_in
+
+MOST_FILES = 2  # of a folder that are read for a moment: that of the moment, and the one before
+MOST_CHUNKS = 96  # that are unpacked for a moment
+KEPT = 8  # files whose chunks stay known
+SEVERAL: Mapping[str, int] = MappingProxyType({"fleet.Record": 60, "fleet.RunState": 60})
+"""Schemas of which a moment has more than the newest message, and how many of all topics."""
+_NEWEST = frozenset({"fleet.RobotState", "fleet.EdgeState"})
+_SECOND = 1_000_000_000
+
+
+class Past:
+    """One folder of recordings, also of one that is written meanwhile. For one thread at a time."""
+
+    def __init__(self, folder: Path) -> None:
+        self._folder = folder
+        self._known: dict[Path, Chunks] = {}
+
+    def extent(self) -> tuple[float, float] | None:
+        """Return from when until when there are recordings (Unix s); None where there are none."""
+        files = self._files()
+        try:
+            return (files[0][0], files[-1][1].stat().st_mtime) if files else None
+        except OSError:
+            return None
+
+    def at(self, moment: float) -> list[ReadMessage]:
+        """Return what was known at a moment (Unix s), of each topic the newest first; raises StateError."""
+        search = _Search(round(moment * _SECOND))
+        for chunks in self._chunks(moment):
+            search.look(chunks)
+        return search.found
+
+    def track(self, moment: float, seconds: float, most: int) -> list[ReadMessage]:
+        """Return positions of the seconds before a moment, the oldest first: of so many instants at most.
+
+        Raises StateError.
+        """
+        until, step = round(moment * _SECOND), round(seconds / most * _SECOND)
+        since = due = until - round(seconds * _SECOND)
+        found: list[ReadMessage] = []
+        for chunks in reversed(list(self._chunks(moment))):
+            positions = _mask(chunks, _is_position)
+            for chunk in chunks.found:
+                if chunk.ends >= max(since, due) and chunk.begins <= until and chunk.channels & positions:
+                    due = chunk.ends + step
+                    found += {each.topic: each for _, each in _read(chunks, chunk, positions, until)}.values()
+        return found
+
+    def _files(self) -> list[tuple[float, Path]]:
+        """Return the files with the Unix s at which each began, the oldest first."""
+        return [(begin, path) for path in files_in(self._folder) if (begin := begin_of(path)) is not None]
+
+    def _chunks(self, moment: float) -> Iterator[Chunks]:
+        """Yield the chunks of the files that a moment is made of, the newest file first."""
+        for _, path in [file for file in self._files() if file[0] <= moment][: -MOST_FILES - 1 : -1]:
+            chunks = self._known.pop(path, None) or Chunks(path)
+            try:
+                chunks.look()
+            except FileNotFoundError:
+                continue  # it was the oldest, and is deleted
+            except OSError as error:
+                raise StateError(f"{path} cannot be read: {error.strerror or error}") from None
+            self._known[path] = chunks
+            while len(self._known) > KEPT:
+                self._known.pop(next(iter(self._known)))
+            yield chunks
+
+
+class _Search:
+    """The search for the messages of a moment, from its chunk backwards; ``until`` is Unix ns."""
+
+    def __init__(self, until: int) -> None:
+        self.found: list[ReadMessage] = []
+        self._until = until
+        self._topics: set[str] = set()
+        self._counts: Counter[str] = Counter()
+        self._chunks = 0
+
+    def look(self, chunks: Chunks) -> None:
+        """Look through a file."""
+        wanted = _mask(chunks, self._wants)
+        for chunk in reversed(chunks.found):
+            if self._chunks >= MOST_CHUNKS or not wanted:
+                return
+            if chunk.begins <= self._until and chunk.channels & wanted:
+                self._chunks += 1
+                self._take(chunks, chunk, wanted)
+                wanted = _mask(chunks, self._wants)
+
+    def _take(self, chunks: Chunks, chunk: Chunk, wanted: int) -> None:
+        """Take what is wanted of a chunk, the newest first."""
+        for channel, message in reversed(_read(chunks, chunk, wanted, self._until)):
+            if self._wants(channel):
+                self._topics.add(channel.topic)
+                self._counts[channel.schema] += 1
+                self.found.append(message)
+
+    def _wants(self, channel: Channel) -> bool:
+        """Return whether a message of a channel is still wanted."""
+        several = SEVERAL.get(channel.schema)
+        if several is not None:
+            return self._counts[channel.schema] < several
+        is_wanted = channel.schema in _NEWEST or _is_position(channel) or _is_places(channel)
+        return is_wanted and channel.topic not in self._topics
+
+
+def _is_position(channel: Channel) -> bool:
+    """Return whether a channel has the poses of a robot."""
+    return channel.schema == "foxglove.PoseInFrame" and channel.topic.endswith("/position")
+
+
+def _is_places(channel: Channel) -> bool:
+    """Return whether a channel tells where the robots of an edge go."""
+    return channel.topic.split("/")[2:3] == ["places"]
+
+
+def _mask(chunks: Chunks, wanted: Callable[[Channel], bool]) -> int:
+    """Return the channels of a file that are wanted, as bits by their ids."""
+    return sum(1 << number for number, channel in chunks.channels.items() if wanted(channel))
+
+
+def _read(chunks: Chunks, chunk: Chunk, wanted: int, until: int) -> list[tuple[Channel, ReadMessage]]:
+    """Return the messages of a chunk in the order in which they were received; raises StateError."""
+    try:
+        found = chunks.messages(chunk, wanted, until)
+    except OSError as error:
+        raise StateError(f"{chunks.path} cannot be read: {error.strerror or error}") from None
+    found.sort(key=lambda message: message.received)
+    return [_read_message(chunks.channels[message.channel], message) for message in found]
+
+
+def _read_message(channel: Channel, raw: RawMessage) -> tuple[Channel, ReadMessage]:
+    """Return a message with its channel."""
+    received, stamp = raw.received / _SECOND, raw.stamp / _SECOND
+    return channel, ReadMessage(channel.topic, channel.schema, received, stamp, raw.data)

@@ -1,0 +1,60 @@
+"""What a page asks about: answered by its own kind, and moments one at a time."""
+
+import asyncio
+from types import SimpleNamespace
+
+import pytest
+
+from fleet.console.lookups import Lookups
+from fleet.console.requests import (
+    CausesAsked,
+    ConfigAsked,
+    ExtentAsked,
+    HistoryAsked,
+    MomentAsked,
+    needed_for,
+)
+from fleet.errors import Refused
+from fleet.model.permission import Permission
+
+
+class Pasts:
+    """Recordings that take as long as they are told to."""
+
+    def __init__(self):
+        self.read = asyncio.Event()
+
+    async def extent(self):
+        return {"since": 1.0, "until": 2.0}
+
+    async def moment(self, at):
+        await self.read.wait()
+        return {"at": at}
+
+
+@pytest.fixture
+async def lookups():
+    return Lookups(SimpleNamespace(pasts=Pasts()))
+
+
+async def test_the_extent_of_the_recordings_is_told(lookups):
+    found = await lookups.calls[ExtentAsked](ExtentAsked("r"))
+    assert found == {"extent": {"since": 1.0, "until": 2.0}}
+
+
+async def test_a_page_has_one_moment_read_at_a_time(lookups):
+    call = lookups.calls[MomentAsked]
+    first = asyncio.create_task(call(MomentAsked("one", 1.0)))
+    await asyncio.sleep(0)
+    with pytest.raises(Refused, match="still being read"):
+        await call(MomentAsked("two", 2.0))
+    lookups._hub.pasts.read.set()
+    assert await first == {"moment": {"at": 1.0}}
+    assert await call(MomentAsked("three", 3.0)) == {"moment": {"at": 3.0}}
+
+
+async def test_none_of_them_needs_more_than_to_look_but_the_configuration(lookups):
+    asked = [MomentAsked("r", 1.0), ExtentAsked("r"), HistoryAsked("r", "e/x"), CausesAsked("r", ())]
+    assert {needed_for(each) for each in asked} == {Permission.VIEW}
+    assert needed_for(ConfigAsked("r", "e")) is Permission.ADMIN
+    assert {type(each) for each in asked} | {ConfigAsked} == set(lookups.calls)

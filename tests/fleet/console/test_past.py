@@ -1,0 +1,184 @@
+"""The page at a second of the recordings: everything as it was then, and no control but the stop."""
+
+import contextlib
+import time
+from datetime import UTC, datetime
+from pathlib import Path
+
+import pytest
+
+from fleet.model.permission import Permission
+from fleet.record.export import recorded
+from fleet.testing.waiting import wait_until
+from tests.tools.recordings import write_recording
+
+AXE = Path(__file__).parents[2] / "data" / "axe" / "axe.min.js"
+WAIT = 60_000  # ms; busy computers are slow
+REX, ANN = "yard-1/rex", "yard-1/ann"
+LENGTH = 30  # s of the recording
+
+
+@pytest.fixture(scope="module")
+def begins():
+    """When the recording begins: an hour ago, at a whole second."""
+    return float(round(time.time()) - 3600)
+
+
+@pytest.fixture(scope="module")
+def served(runtime, serve_console, tmp_path_factory, begins):
+    """Serve a console with a recording of an edge; the robot rex is there now, too."""
+    folder = tmp_path_factory.mktemp("past") / "recordings"
+    write_recording(folder, begins, LENGTH)
+    with serve_console(runtime, "past", recordings=(str(folder),)) as served:
+        yield served
+
+
+@pytest.fixture(scope="module")
+def yard(play_edge):
+    """Play the edge as it is now."""
+    return play_edge("yard-1", robots={"rex": {"health": "ok", "activity": "idle now", "reachable": True}})
+
+
+@pytest.fixture(scope="module")
+def browser(program, module_at):
+    """Run one browser for all tests of this module."""
+    with module_at("browser.py").open_page(program("chromium")) as page:
+        yield page.context.browser
+
+
+@pytest.fixture
+def open_past(browser, served, yard):
+    """Open the page; an error of it fails the test."""
+    with contextlib.ExitStack() as stack:
+        errors = []
+
+        def open_past(permission=Permission.ADMIN, at=None, **options):
+            context = browser.new_context(viewport={"width": 1200, "height": 800}, **options)
+            stack.callback(context.close)
+            page = context.new_page()
+            page.set_default_timeout(WAIT)
+            page.on("pageerror", lambda error: errors.append(str(error)))
+            page.goto(served.link(permission))
+            page.wait_for_selector(f'#robots li[data-id="{REX}"]')
+            if at is not None:
+                page.evaluate("location.hash = `t=${new Date(%f).toISOString()}`" % (at * 1000))
+                page.wait_for_selector("body.past")
+            return page
+
+        yield open_past
+        assert errors == []
+
+
+def pose(page, robot):
+    """Return where the page shows a robot."""
+    return page.evaluate(
+        "async (robot) => (await import('/store.js')).store.poses[robot]?.slice(0, 2)", robot
+    )
+
+
+def goes_to(page, at):
+    """Go to a moment by the slider."""
+    page.locator("#past input[type=range]").evaluate(
+        "(slider, at) => { slider.value = at; slider.dispatchEvent(new Event('input')); }", at
+    )
+
+
+def shows_at(page, robot, where):
+    """Wait until the page shows a robot there."""
+    wait_until("the robot to be there", lambda: pose(page, robot) == where)
+
+
+def test_the_fleet_at_a_second_is_told_with_its_poses_health_runs_and_events(served, begins):
+    with served.page(Permission.VIEW) as page:
+        page.ask("moment", request="one", at=begins + 12.0)
+        told = page.answer("one")["moment"]
+    entries = told["entries"]
+    assert entries["poses"][REX] == [22.0, 0.0, 0.0, 0.0, True]
+    assert entries["poses"][ANN] == [0.0, 3.0, 0.0, 0.0, True]
+    assert (entries["robots"][REX]["emergency_stop"], entries["robots"][ANN]["health"]) == (True, "ok")
+    assert entries["runs"]["yard-1/r1"]["phase"] == "step"
+    (event,) = told["events"]
+    assert (event["robot"], event["by"], event["text"]) == (REX, "berta", "stopped: too close")
+    assert told["tracks"][REX][0] == [10.0, 0.0]
+    assert told["recorded"] == begins + 12.0
+
+
+def test_a_time_of_which_nothing_is_recorded_is_refused_and_one_after_it_is_told_as_old(served, begins):
+    with served.page() as page:
+        page.ask("moment", request="before", at=begins - 60.0)
+        assert "nothing is recorded" in page.answer("before")["reason"]
+        page.ask("moment", request="nan", at=1e300)
+        assert "no moment" in page.answer("nan")["reason"]
+        page.ask("moment", request="after", at=begins + 600.0)
+        told = page.answer("after")["moment"]
+    assert told["recorded"] == begins + LENGTH - 0.5
+    assert not told["entries"]["edges"]["yard-1"]["alive"]
+
+
+def test_one_slider_takes_the_whole_page_to_a_second_and_back(open_past, begins):
+    page = open_past(at=begins + 8)
+    shows_at(page, REX, [18.0, 0.0])
+    assert "PAST" in page.inner_text("#past")
+    assert "3600" not in page.inner_text("#past")
+    assert "round" in page.inner_text("#robot .runs")
+    goes_to(page, begins + 25)
+    shows_at(page, REX, [35.0, 0.0])
+    assert "the left wheel is stuck" in page.inner_text("#robot .causes")
+    assert "stopped: too close" in page.inner_text("#robot .events")
+    page.click("text=Back to now")
+    page.wait_for_selector("body:not(.past)")
+    assert "idle now" in page.inner_text("#robots")
+    assert "#" not in page.url
+
+
+def test_a_link_to_a_moment_opens_it_and_has_no_token(open_past, begins):
+    page = open_past(at=begins + 8)
+    moment = datetime.fromtimestamp(begins + 8, UTC).strftime("%Y-%m-%dT%H:%M:%S.0Z")
+    assert page.url.endswith(f"/#t={moment}")
+    page.reload()
+    page.wait_for_selector("body.past")
+    shows_at(page, REX, [18.0, 0.0])
+
+
+def test_in_the_past_every_control_is_gone_but_the_stop_which_acts_on_now(open_past, yard, begins):
+    page = open_past(at=begins + 8)
+    page.click(f'#robots li[data-id="{REX}"]')
+    left = page.eval_on_selector_all(
+        "main button:not([hidden]), main input", "all => all.map((each) => each.id).filter(Boolean)"
+    )
+    assert set(left) == {"zoom-in", "zoom-out", "zoom-fit"}
+    page.locator("#map").click(position={"x": 300, "y": 300})
+    assert not page.is_visible("#target")
+    sent = page.evaluate(
+        "async (robot) => (await import('/store.js')).ask({ask: 'command', robot, command: 'go'}, () => 0)",
+        REX,
+    )
+    assert sent is False
+    known = len(yard.stops)
+    page.keyboard.press("Escape")
+    page.keyboard.press("Escape")
+    wait_until("the stop to reach the edge", lambda: yard.stops[known:])
+    assert "acts on now" in page.inner_text("#past")
+
+
+def test_the_window_before_a_moment_is_saved_as_a_file(open_past, begins, tmp_path):
+    page = open_past(at=begins + 20)
+    with page.expect_download() as saving:
+        page.select_option("select[aria-label='Export MCAP']", "60")
+    saving.value.save_as(tmp_path / "window.mcap")
+    found = recorded(tmp_path / "window.mcap")
+    assert (found.begins, found.ends) == (begins, begins + 19.5)
+
+
+def test_who_may_not_export_is_not_offered_it(open_past, begins):
+    page = open_past(Permission.OPERATE, at=begins + 8)
+    assert page.is_disabled("select[aria-label='Export MCAP']")
+    assert "admin" in page.get_attribute("select[aria-label='Export MCAP']", "title")
+
+
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_axe_finds_no_barrier_in_the_past(open_past, begins, scheme):
+    page = open_past(at=begins + 25, color_scheme=scheme)
+    page.evaluate(AXE.read_text())
+    found = page.evaluate("axe.run()")["violations"]
+    assert [(each["id"], [node["html"] for node in each["nodes"]]) for each in found] == []
