@@ -299,6 +299,14 @@ class AdapterConfig(TopicsConfig):
         return frozenset()
 
     @property
+    def failsafe_after(self) -> float | None:
+        """Seconds in which the robot's own fail-safe ends motion that nobody commands any more; or None.
+
+        The standby edge of a pair moves a robot only after that, or after a stop of its own.
+        """
+        return None
+
+    @property
     def source_type(self) -> str:
         """The source type of the robot's own state."""
         if self.simulated:

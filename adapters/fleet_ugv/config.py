@@ -123,6 +123,12 @@ class UgvConfig(AdapterConfig):
         return dict(PROFILES)
 
     @property
+    def failsafe_after(self) -> float | None:
+        """Seconds after which the board stops the wheels by itself; None where it does not."""
+        settable = self.base.settable and self.base.timeout is not None
+        return self.firmware_timeout if settable else self.base.timeout
+
+    @property
     def base(self) -> BaseProfile:
         """The profile of this robot."""
         return self.profiles()[self.profile]

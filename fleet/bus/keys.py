@@ -167,6 +167,11 @@ def changes(edge_id: str) -> str:
     return f"fleet/{edge_id}/changes"
 
 
+def failover(edge_id: str) -> str:
+    """Return the key on which an edge of a pair takes the request to hand its lease over."""
+    return f"fleet/{edge_id}/failover"
+
+
 def mission(edge_id: str, name: str) -> str:
     """Return the key of a mission that an edge knows; ``*`` is every one."""
     return f"fleet/{edge_id}/missions/{name}"

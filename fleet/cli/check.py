@@ -32,10 +32,15 @@ def check(out: Output, file: str) -> ExitCode:
         return ExitCode.CONFIG_INVALID
     told = (*loaded.warnings, *_of_certificates(loaded))
     warnings = [msgspec.to_builtins(warning) for warning in told]
-    out.data({"ok": True, "file": file, **_summary(loaded), "problems": [], "warnings": warnings})
+    moved = _moved_after(loaded)
+    pair = {"pair": loaded.config.pair, "moved_after": moved} if loaded.config.pair else {}
+    out.data({"ok": True, "file": file, **_summary(loaded), **pair, "problems": [], "warnings": warnings})
     for warning in told:
         for line in f"warning: {warning.shown()}".splitlines():  # a note escapes line breaks
             out.note(line)
+    if moved:
+        rows = [(name, _in_words(seconds)) for name, seconds in moved.items()]
+        out.table(("robot", "moved by the standby, after the last sign of the other edge"), rows)
     out.say(f"{file} is valid: {_sentence(loaded)}")
     return ExitCode.OK
 
@@ -52,6 +57,22 @@ def _of_certificates(loaded: Loaded) -> list[Problem]:
         for file in files_of(tls)
         for problem in CertificateExpiry([file], SystemClock()).problems
     ]
+
+
+def _moved_after(loaded: Loaded) -> dict[str, float | None]:
+    """Return after how many seconds the standby of a pair moves each robot; None: once somebody stops it."""
+    if loaded.config.pair is None:
+        return {}
+    from fleet.standby.bound import Bound  # noqa: PLC0415 - not needed without a pair
+    from fleet.standby.lease import Terms  # noqa: PLC0415
+
+    bounds = {robot.name: Bound(robot.setpoint_lease, robot.failsafe_after) for robot, _ in loaded.robots}
+    return {name: bound.after(Terms().length) for name, bound in bounds.items()}
+
+
+def _in_words(seconds: float | None) -> str:
+    """Return a bound for people."""
+    return "once somebody has stopped it from there" if seconds is None else f"{seconds:g} s"
 
 
 def _summary(loaded: Loaded) -> dict[str, object]:

@@ -15,6 +15,7 @@ from fleet.bus.settings import runtime_dir
 from fleet.cli.options import log_options
 from fleet.cli.output import Output, with_output
 from fleet.clock import SystemClock
+from fleet.config.edge_id import EDGE_ID
 from fleet.supervisor.notices import print_in_thread
 from fleet.supervisor.service_manager import ServiceManager
 from fleet.supervisor.sockets import socket_of
@@ -25,6 +26,7 @@ from fleet.supervisor.supervisor import Supervisor
 @click.argument("file", default="fleet.yaml", type=click.Path())
 @click.option("--worker", metavar="NAME", help="Run only this worker, for an edge on another computer.")
 @click.option("--watch", is_flag=True, help="Take drop-in files into use when they are saved.")
+@click.option("--edge-id", metavar="NAME", help="Which edge of the file's pair this computer is.")
 @log_options
 @with_output
 def run(
@@ -33,6 +35,7 @@ def run(
     *,
     worker: str | None,
     watch: bool,
+    edge_id: str | None,
     verbose: int,
     log_file: str | None,
     log_format: str,
@@ -46,9 +49,14 @@ def run(
     --worker runs a worker that the edge lists under remote_workers; the bus.connect of its FILE
     is that edge.
 
+    --edge-id is for the file of a pair: the two edges run with the same FILE, and one takes over when the
+    other's computer dies.
+
     --watch is for those who write a drop-in adapter: a file that was saved is tried, and its worker starts
     again with it, once its robots rest; simulated ones do not wait.
     """
+    if edge_id is not None:
+        os.environ[EDGE_ID] = edge_id
     if worker is not None:
         return _supervised(["fleet.host.workers.worker_process", "--name", worker, "--config", file])
     options = ["--json"] * out.as_json + ["--no-color"] * (not out.color) + ["-v"] * verbose

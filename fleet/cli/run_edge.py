@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import os
+
 import click
 
 from fleet.cli.options import log_options
 from fleet.cli.output import ExitCode, Output, with_output
 from fleet.cli.serve import logs_to, serve
+from fleet.config.edge_id import EDGE_ID
 from fleet.config.load import load
+from fleet.errors import ConfigError
 from fleet.host.edge.edge import Edge
 from fleet.host.logs.line_format import Format
 from fleet.supervisor.client import connect_supervisor
@@ -23,6 +27,11 @@ def run_edge(
 ) -> ExitCode:
     """Run the fleet of FILE until a signal ends it."""
     loaded = load(file, partial=True)
+    if loaded.config.pair is not None and not os.environ.get(EDGE_ID):
+        which = " or ".join(loaded.config.pair)
+        raise ConfigError(
+            f"{file} is for a pair of edges: fleet run --edge-id {which} says which one this is"
+        )
     for problem in loaded.problems:
         out.note(f"left out: {problem}")
     for warning in loaded.warnings:

@@ -121,6 +121,9 @@ class Edges:
         """
         states, edges = self.states(), self.edges()
         found = [state for state in states if name in (state.name, f"{state.edge}/{state.name}")]
+        if len(found) > 1:  # of a pair, only the edge with the lease has the robot
+            waiting = {edge.edge for edge in edges if edge.pair not in {"", "holder"}}
+            found = [state for state in found if state.edge not in waiting] or found
         if len(found) > 1:
             which = ", ".join(f"{state.edge}/{state.name}" for state in found)
             raise UnknownRobot(f"there are several robots {name!r}", hint=f"say which one: {which}")

@@ -32,6 +32,8 @@ LONGEST = 60  # characters of a value that are shown
 
 SECTIONS: Mapping[str, str] = {
     "edge": "its id is in every key of the bus and in the path of its state; spool and history are open",
+    "pair": "the lease that the two edges share is named by it",
+    "lease": "the connection to the lease service is opened with it",
     "cloud": "the connection is opened with it, and what waits to be sent belongs to it",
     "bus": "the sessions and their access rules are fixed when they are opened",
     "site": "the robots are placed in its frame",

@@ -41,6 +41,7 @@ from fleet.config.identity import identity_of
 from fleet.config.known import known_of
 from fleet.config.mission_ways import check_ways
 from fleet.config.missions import Mission, check_missions
+from fleet.config.pair import check_pair, choose_edge
 from fleet.config.places import check_places
 from fleet.config.problems import InvalidConfig, Path, Problem
 from fleet.config.schema import FleetConfig, Sections
@@ -127,6 +128,7 @@ def _load(file: pathlib.Path, environ: Mapping[str, str], partial: bool, registr
         raise InvalidConfig(document.problems)
     data = document.data
     cloud_from_environment(document, environ)
+    choose_edge(document, environ)
     for folder in _folders(data, file.parent):
         registry.add_folder(folder)
     context = {"folder": file.parent}
@@ -165,6 +167,7 @@ def _check_together(document: Document, sections: Sections | None, robots: Mappi
     check_schedules(document.data, document)
     check_workflows(document.data, document)
     check_partners(document.data, document)
+    check_pair({index: (robot.config, robot.plugin) for index, robot in robots.items()}, document)
     configs = {index: robot.config for index, robot in robots.items()}
     check_followers(configs, document)
     if sections is not None:
@@ -196,6 +199,7 @@ def sections_of(path: str | os.PathLike[str], environ: Mapping[str, str] | None 
     if not _is_mapping(document):
         raise InvalidConfig(document.problems)
     cloud_from_environment(document, environ)
+    choose_edge(document, environ)
     sections = _sections(document, {"folder": file.parent})
     if sections is None or _is_fatal(document.problems):
         raise InvalidConfig(document.problems)

@@ -11,6 +11,7 @@ from pydantic import AfterValidator, Field, SecretStr, model_validator
 from fleet.config.endpoints import COMMON_NAME, Insecure, Role, check_locator, is_encrypted, is_local
 from fleet.config.groups import Group, members_of
 from fleet.config.notify import NotifyConfig, with_members
+from fleet.config.other_edges import LeaseConfig, PartnerConfig
 from fleet.config.places import PlaceConfig
 from fleet.config.programs import ConsoleConfig, RecordConfig
 from fleet.robot_config import AdapterConfig, Name
@@ -307,25 +308,16 @@ class StopInputConfig(Model):
         return self
 
 
-class PartnerConfig(Model):
-    """Another edge of the site, for missions of several edges."""
-
-    robots: tuple[Name, ...] = Field(
-        (),
-        description="Robots of that edge, by name: missions of this one may use them, and its robots are "
-        "kept apart from them.",
-    )
-    coordinates: bool = Field(
-        False,
-        description="That edge may have robots of this one in its runs; if it falls silent meanwhile, this "
-        "edge does what the mission says of robots that fail (robot_failed.do).",
-    )
-
-
 class Sections(Model):
     """Everything in fleet.yaml but the robots themselves."""
 
     edge: EdgeConfig = Field(description="The computer that this file is for.")
+    pair: tuple[Name, Name] | None = Field(
+        None,
+        description="Two edges, of which one takes over from the other; `fleet run --edge-id` says which "
+        "this computer is, in the place of edge.id (docs/how-to/when-a-computer-dies.md).",
+    )
+    lease: LeaseConfig | None = Field(None, description="The lease service of the pair.")
     cloud: CloudConfig | None = Field(None, description="Left out: no cloud.")
     bus: BusConfig = Field(BusConfig(), description="The Zenoh bus.")
     site: SiteConfig = Field(SiteConfig(), description="The frame that the robots share.")

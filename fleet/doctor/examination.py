@@ -25,7 +25,7 @@ from fleet.config.problems import InvalidConfig
 from fleet.config.schema import Sections
 from fleet.config.text import texts_in
 from fleet.config.yaml import SECRETS, read
-from fleet.doctor import access, clock, disk, network, software
+from fleet.doctor import access, clock, disk, network, pair, software
 from fleet.doctor.finding import Finding, error, ok, unknown, worst_first
 from fleet.errors import FleetError, NotRunning
 from fleet.host.edge.certificate_expiry import CertificateExpiry, files_of
@@ -94,6 +94,9 @@ def _checks(subject: Subject, clocks: Clock) -> Iterator[tuple[str, Callable[[],
     if cloud is not None:
         now = datetime.fromtimestamp(clocks.time(), UTC)
         yield network.BROKER, lambda: [network.check_broker(cloud, now)]
+    if config.lease is not None:
+        lease = config.lease
+        yield pair.PAIR, lambda: pair.check_pair(lease, subject.links)
     yield network.ENDPOINTS, lambda: network.check_endpoints(config.bus.connect)
     yield software.EDGES, lambda: _edges(subject)
 

@@ -23,6 +23,7 @@ from pydantic import AfterValidator
 from fleet.errors import LinkRefused
 from fleet.link import memory, serial, tcp, udp
 from fleet.link.base import Link, Receiver
+from fleet.link.gate import GATE, GatedLink
 
 EXAMPLES = {
     "udpin": "udpin:0.0.0.0:14550",
@@ -151,7 +152,12 @@ async def open_link(url: str, receiver: Receiver) -> Link:
     if opener is not None:
         return await opener(url, receiver)
     parts = parse_link_url(url)
-    return await _OPENERS[parts.scheme](parts, receiver)
+    gate = GATE.get()
+    if gate is None:
+        return await _OPENERS[parts.scheme](parts, receiver)
+    epoch = gate.epoch
+    gate.check(epoch, url)
+    return GatedLink(await _OPENERS[parts.scheme](parts, receiver), gate, epoch)
 
 
 @contextlib.asynccontextmanager

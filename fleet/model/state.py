@@ -79,6 +79,7 @@ class EdgeState(msgspec.Struct, frozen=True, omit_defaults=True):
     subscribes to their topics, and light ones (``queued_bytes``); ``refused`` were refused in either
     direction, ``dropped`` lost.
     ``round_trip`` is seconds to the cloud and back. ``groups`` and ``places`` are those of its fleet.yaml.
+    ``pair`` is what it is in its pair (holder, standby or fenced), ``epoch`` that of its lease.
     """
 
     edge: str
@@ -104,3 +105,5 @@ class EdgeState(msgspec.Struct, frozen=True, omit_defaults=True):
     threads: int | None = None
     groups: dict[str, list[str]] = {}
     places: dict[str, Place] = {}
+    pair: str = ""
+    epoch: int = 0

@@ -33,6 +33,7 @@ from fleet.supervisor.protocol import (
     StopRequest,
     UnregisterHalt,
     Welcome,
+    WriteUntil,
 )
 from fleet.supervisor.sockets import VARIABLE, connected
 
@@ -105,6 +106,10 @@ class SupervisorClient:
     def ending(self) -> None:
         """Report that this process ends on request, so that it is not restarted."""
         self._send(OrderlyEnd())
+
+    def write_until(self, until: float) -> None:
+        """Say until when (s since the computer's start) this process may write to its robots."""
+        self._send(WriteUntil(until))
 
     def close(self) -> None:
         """Stop the thread and close the connection."""

@@ -13,6 +13,16 @@ from collections.abc import Callable
 import msgspec
 
 from fleet.link.base import Address
+from fleet.link.gate import boot_time
+from fleet.supervisor.protocol import (
+    HaltRegistered,
+    HaltUnregistered,
+    RegisterHalt,
+    UnregisterHalt,
+    WriteUntil,
+)
+
+LAST_CHANCE = 0.4  # s before the right to write ends
 
 Write = Callable[[bytes], object]
 
@@ -60,12 +70,28 @@ class ProcessHalts:
     """Registered halts of one process, by robot; a newer halt of a robot replaces the older one."""
 
     def __init__(self) -> None:
+        self.until: float | None = None  # when the right to write ends (s since the computer's start)
         self._kept: dict[str, RegisteredHalt] = {}
 
     @property
     def robots(self) -> list[str]:
         """Names of the robots that can be halted."""
         return sorted(self._kept)
+
+    def follow(
+        self, message: RegisterHalt | UnregisterHalt | WriteUntil, descriptors: list[int]
+    ) -> HaltRegistered | HaltUnregistered | None:
+        """Follow what the process says of its halts; return the answer. Raises OSError as ``take``."""
+        match message:
+            case RegisterHalt():
+                self.take(message.robot, message.frames, message.address, descriptors)
+                return HaltRegistered(message.number)
+            case UnregisterHalt():
+                self.drop(message.robot)
+                return HaltUnregistered(message.number)
+            case WriteUntil():
+                self.until = message.until
+                return None
 
     def keep(self, robot: str, halt: RegisteredHalt) -> None:
         """Keep a robot's halt in place of an earlier one."""
@@ -88,8 +114,18 @@ class ProcessHalts:
                 halt.close()
 
     def write(self) -> list[str]:
-        """Halt every robot; return those whose link accepted it. A failure does not affect the others."""
+        """Halt every robot; return those whose link accepted it. A failure does not affect the others.
+
+        Once another edge may have the robots, nothing is written.
+        """
+        if self.until is not None and boot_time() >= self.until:
+            return []
         return [robot for robot, halt in self._kept.items() if _written(halt)]
+
+    @property
+    def must_halt(self) -> bool:
+        """True just before the right to write ends while robots are still registered: their process hangs."""
+        return self.until is not None and bool(self._kept) and 0 < self.until - boot_time() < LAST_CHANCE
 
     def close(self) -> None:
         """Remove all halts."""

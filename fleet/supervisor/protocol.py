@@ -89,6 +89,12 @@ class ProcessHeartbeat(msgspec.Struct, tag="beat", frozen=True):
     """The process is not frozen."""
 
 
+class WriteUntil(msgspec.Struct, tag="until", frozen=True):
+    """The process may write to its robots until then (s since the computer's start), and so may we for it."""
+
+    until: float
+
+
 class StopAnswer(msgspec.Struct, tag="stopped", frozen=True):
     """The answer to ``StopRequest``: the robots stopped; ``kept``: the stop also waits for the next edge."""
 
@@ -110,6 +116,7 @@ Message = (
     | LeftNotice
     | OrderlyEnd
     | ProcessHeartbeat
+    | WriteUntil
     | StopAnswer
 )
 

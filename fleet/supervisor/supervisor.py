@@ -38,8 +38,6 @@ from fleet.supervisor.notices import reason_of
 from fleet.supervisor.protocol import (
     LONGEST,
     EdgeRunning,
-    HaltRegistered,
-    HaltUnregistered,
     Hello,
     LeftNotice,
     Message,
@@ -50,6 +48,7 @@ from fleet.supervisor.protocol import (
     StopRequest,
     UnregisterHalt,
     Welcome,
+    WriteUntil,
 )
 from fleet.supervisor.service_manager import ServiceManager
 from fleet.supervisor.signals import handled_signals
@@ -241,6 +240,8 @@ class Supervisor:
         edge = self._edge()
         if edge is None or self._child is None:
             return
+        if edge.halts.must_halt:
+            edge.halts.write()
         if now - self._looked > ASLEEP:
             edge.heard = now  # we were suspended too: its heartbeats have not been read yet
         elif now - edge.heard > FROZEN:
@@ -294,12 +295,10 @@ class Supervisor:
         match message:
             case Hello():
                 self._hello(peer, message)
-            case RegisterHalt():
-                peer.halts.take(message.robot, message.frames, message.address, descriptors)
-                peer.send(HaltRegistered(message.number))
-            case UnregisterHalt():
-                peer.halts.drop(message.robot)
-                peer.send(HaltUnregistered(message.number))
+            case RegisterHalt() | UnregisterHalt() | WriteUntil():
+                answer = peer.halts.follow(message, descriptors)
+                if answer is not None:
+                    peer.send(answer)
             case EdgeRunning() if peer.is_edge:
                 self._ran = True
                 self._manager.ready()

@@ -11,7 +11,7 @@ import msgspec
 from fleet.bus import keys
 from fleet.bus.zenoh_session import Query, ZenohSession
 from fleet.clock import Clock
-from fleet.config.schema import PartnerConfig
+from fleet.config.other_edges import PartnerConfig
 from fleet.host.safety.admission import LEAVE
 from fleet.host.safety.source_policy import SourcePolicy
 from fleet.missions.coordination import CoordinatorLeases, Lapsed, LeaseAnswer, LeaseAsk

@@ -31,6 +31,7 @@ from fleet.host.edge.missions import Missions
 from fleet.host.edge.notifier import Notifier
 from fleet.host.edge.renamed import carry_stops
 from fleet.host.edge.schedules import EdgeSchedules
+from fleet.host.edge.standby import open_gate, part_in_pair
 from fleet.host.edge.worker_robots import remote_robots, worker_managers
 from fleet.host.journal.stores import history_bounds, open_stores
 from fleet.host.process.common_start import take_starts
@@ -92,6 +93,7 @@ class Edge:
         self._config = config
         self._clock = clock
         self._began = clock.monotonic()
+        gate = open_gate(config)
         self.bus = open_edge(bus_settings(config, bus_access(config)), directory)
         with contextlib.ExitStack() as undo:
             undo.callback(self.bus.close)
@@ -150,6 +152,7 @@ class Edge:
             config, folder, self.missions.starter, states=self.states, record=history.add, clock=clock
         )
         history.told = self.schedules.before(self._notifier.take)
+        self._pair = part_in_pair(config, gate, self.process, self.schedules.run)
         self._watches: DropInWatch | None = None
         self._loaded = loaded
         self._worker_changes = workers = WorkerChanges(
@@ -176,6 +179,7 @@ class Edge:
             self._declare(ended)
             cloud = self.bridge.voice.tell_end if self.bridge else None
             tell_interrupted_commands(self.process, self.robots(), cloud)
+            self._pair.begin()
             self.process.start()
             self._stop_inputs.start(self.process.watchdog.add)
             if self.bridge is not None:
@@ -186,7 +190,6 @@ class Edge:
                 for worker in self._workers.values()
             ]
             workers.append(asyncio.create_task(self._changes.begin(), name="changes"))
-            workers.append(asyncio.create_task(self.schedules.run(), name="schedules"))
             if self._watches is not None:
                 workers.append(asyncio.create_task(self._watches.run(), name="watch"))
             self.process.supervised.running()
@@ -197,7 +200,9 @@ class Edge:
                 task.cancel()
             await self._changes.close()
             await asyncio.to_thread(self._stop_inputs.end)
+            self._pair.ending()
             await self.process.stop()
+            await self._pair.close()
             await asyncio.gather(*workers, return_exceptions=True)
             if self.bridge is not None:
                 for _ in self.bridge.turn():
@@ -247,7 +252,11 @@ class Edge:
         claims, expiry = self.cloud_claims.problem, self._expiry.problem
         busy = self.process.starvation.problem
         inputs, schedules = self._stop_inputs.problem, self.schedules.problem
-        problems = (self.bus.problem, *kept, schedules, inputs, metrics, expiry, claims, busy, self.beside())
+        problems = (
+            *(self.bus.problem, *kept, schedules, inputs, metrics, expiry, claims, busy),
+            self._pair.problem,
+            self.beside(),
+        )
         health = edge_health(states, [cloud, *map(degraded, problems)])
         load, bridge = read_load(), self.bridge
         stats = bridge.client.stats if bridge else None
@@ -275,6 +284,8 @@ class Edge:
             threads=load.threads,
             groups=self._groups,
             places=places_of(self._config.places),
+            pair=self._pair.role,
+            epoch=self._pair.epoch,
         )
 
     def _dropped(self) -> int:
@@ -304,7 +315,7 @@ class Edge:
             topics(cloud),
             ports,
             edge=self._config.edge.id,
-            rules=bridge_rules(cloud, robots),
+            rules=bridge_rules(cloud, robots, self._config.pair or ()),
             put=self.bus.reports.put,
             alive=self._alive,
             claimed=self.cloud_claims.heard,

@@ -17,7 +17,7 @@ import msgspec
 from fleet.bus import keys
 from fleet.bus.zenoh_session import ZenohSession
 from fleet.clock import Clock
-from fleet.config.schema import PartnerConfig
+from fleet.config.other_edges import PartnerConfig
 from fleet.errors import WireError
 from fleet.host.safety.admission import JOIN, LEAVE
 from fleet.host.workers.remote_robot import SILENT_AFTER, ask_robot

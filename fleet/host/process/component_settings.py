@@ -86,8 +86,13 @@ def settle_time_beside(edge: str, directory: Path) -> float:
     return SETTLE if any(other != edge for other in running_edges(directory)) else 0.0
 
 
-def bridge_rules(cloud: CloudConfig, robots: Iterable[AdapterConfig]) -> BridgeRules:
-    """Return what crosses: the table, changed by the profile, by the cloud's rules, and by a robot's own."""
+def bridge_rules(
+    cloud: CloudConfig, robots: Iterable[AdapterConfig], pair: Iterable[str] = ()
+) -> BridgeRules:
+    """Return what crosses: the table, changed by the profile, by the cloud's rules, and by a robot's own.
+
+    The heartbeats of edges of one ``pair`` claim no twin: their lease decides.
+    """
     channels = {name: rule.channel() for name, rule in cloud.channels.items()}
     general = cloud.changes()
     everyone = rulebook(cloud.profile, (general,), channels)
@@ -103,7 +108,7 @@ def bridge_rules(cloud: CloudConfig, robots: Iterable[AdapterConfig]) -> BridgeR
         twins,
         {str(uuid): of_an_environment(everyone) for uuid in cloud.environments},
         any_run if any_run.inward else None,
-        cloud.ignore_edges,
+        cloud.ignore_edges | frozenset(pair),
         {str(uuid): of_a_workflow(everyone) for uuid in cloud.workflows},
     )
 

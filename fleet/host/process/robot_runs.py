@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 
 from fleet.host.robot.local_robot import LocalRobot
 
@@ -18,11 +18,14 @@ class RobotRuns:
         self.ending = False
         self._again = again
         self._paused: set[str] = set()
+        self._barred = ""  # why no robot is run at all
 
     def run(self, robot: LocalRobot) -> None:
         """Run a robot, once an earlier run of it has ended."""
         task = self.tasks.get(robot.name)
-        if self.ending or robot.name in self._paused:
+        if self._barred:
+            self.keep_out(robot, self._barred)
+        if self._barred or self.ending or robot.name in self._paused:
             return
         if task is None:
             self.tasks[robot.name] = robot.start()
@@ -42,6 +45,24 @@ class RobotRuns:
         elif not task.cancelling():
             task.add_done_callback(ended)
             task.cancel()
+
+    def bar(self, robots: Iterable[LocalRobot], why: str) -> None:
+        """End every run, and begin none until ``lift``."""
+        self._barred = why
+        for robot in robots:
+            self.keep_out(robot, why)
+
+    def lift(self, robots: Iterable[LocalRobot]) -> None:
+        """Run the robots again whose twins are ours."""
+        self._barred = ""
+        for robot in robots:
+            self._again(robot)
+
+    async def all_ended(self) -> None:
+        """Wait until no robot is run."""
+        while self.tasks:
+            await asyncio.wait(self.tasks.values())
+            await asyncio.sleep(0)  # what takes the ended runs out of the table
 
     def pause(self, robot: LocalRobot) -> None:
         """End a robot's run until ``resume``; what it is prepared for is dropped."""

@@ -95,6 +95,7 @@ class TwinClaims:
         self._others: dict[str, set[TwinClaim]] = {twin: set() for twin in twins}
         self._mine: dict[str, _Mine] = {}
         self._told: dict[str, str] = {}
+        self.pair: frozenset[str] = frozenset()  # edges whose claims the lease of the pair decides
         self._looking: set[str] = set()  # twins at which is looked again soon
 
     def add(self, twins: Iterable[str]) -> None:
@@ -111,7 +112,9 @@ class TwinClaims:
     def _seen(self, key: str, alive: bool) -> None:  # noqa: FBT001 - the bus calls it so
         """Note a token that came or went; on the bus's thread."""
         read = read_claim(key)
-        if read is not None and read[1].edge != self._edge and read[0] in self._others:
+        if read is None or read[1].edge in self.pair:
+            return
+        if read[1].edge != self._edge and read[0] in self._others:
             self._loop.call_soon_threadsafe(self._note, *read, alive)
 
     def _note(self, twin: str, claim: TwinClaim, alive: bool) -> None:  # noqa: FBT001 - handed on

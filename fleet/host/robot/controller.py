@@ -61,10 +61,10 @@ class RobotController:
         limits, combines = config.limits.over(capabilities.limits), capabilities.combines_keys
         self.event_reporter = EventReporter(self.name, publish, clock, in_motion=lambda: self.in_motion)
         self.guard = MotionGuard(config, limits, clock, robot=self, event_reporter=self.event_reporter)
-        self._crashed, self._clock, self._journal = crashed, clock, journal
-        self.speeds = VerbSpeeds(limits)
+        self._crashed, self._clock, self._journal, self.speeds = crashed, clock, journal, VerbSpeeds(limits)
         latch = EmergencyStopLatch(journal.latched, journal.latch)
         self._admission = Admission(config, clock, latch, self.speeds)
+        self.permit = self._admission.permit
         life, barred, guard = config.setpoint_lease, self._admission.motion, self.guard
         self._driving = VelocityControl(
             limits, clock, life, guard, combines=combines, barred=barred, halt=self.halt, crashed=crashed

@@ -10,6 +10,7 @@ from fleet.errors import Refused
 from fleet.host.safety.control_lease import ControlLease
 from fleet.host.safety.emergency_stop import RELEASE, EmergencyStopLatch
 from fleet.host.safety.message_age import AgeCheck
+from fleet.host.safety.motion_permit import MotionPermit
 from fleet.host.safety.source_policy import SourcePolicy
 from fleet.host.safety.stick_release import StickReleaseInterlock
 from fleet.host.safety.verb_speeds import VerbSpeeds
@@ -35,6 +36,7 @@ class Admission:
         self.latch = latch
         self.speeds = speeds
         self.fault = ""  # the robot's own latched fault, in its words
+        self.permit = MotionPermit()
         self.lease = ControlLease(config.control_lease)
         self._let_go = StickReleaseInterlock(config.setpoint_lease)
         self.configure(config)
@@ -52,6 +54,7 @@ class Admission:
         Whoever else drives has to let go, too. Those who give no session may be several, each with a clock
         of his own.
         """
+        self.permit.stopped()
         self.speeds.forget()
         self.lease.let_go(ask.origin.session)
         self.lease.others_moved(ask.origin.session, f"stopped: {ask.name} by {_named(ask.origin)}")
@@ -187,7 +190,8 @@ class Admission:
 
     def motion(self) -> str | None:
         """Return why nothing may move the robot, whoever asks; None when it may be moved."""
-        return self.latch.refusal() or (f"it has a fault: {self.fault}" if self.fault else None)
+        fault = f"it has a fault: {self.fault}" if self.fault else None
+        return self.latch.refusal() or self.permit.refusal() or fault
 
     def _age(
         self, asker: str, stamp: float | None, max_age: float, *, ordered: bool = False, moves: bool = True

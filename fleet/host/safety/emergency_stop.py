@@ -19,6 +19,7 @@ class EmergencyStopLatch:
         self._why = why
         self._keep = keep
         self.held = ""
+        self.asked = 0  # how often this process was asked to set it
         self._unrecorded = False
         self._told = bool(why)
 
@@ -39,6 +40,7 @@ class EmergencyStopLatch:
 
     def engage(self, why: str) -> None:
         """Set the stop, in memory; while it is set, the first cause stays."""
+        self.asked += 1
         if not self._why:
             self._why, self._unrecorded = why, True
 

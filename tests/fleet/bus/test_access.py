@@ -84,6 +84,7 @@ ASK = {
     "fleet/yard/coordinator": {"hub"},
     "fleet/yard/robots/rex/description": set(ROLES),
     "fleet/yard/elsewhere": {"hub"},
+    "fleet/yard/failover": {"hub"},  # it moves robots to another edge: for users of the edge's own computer
     "fleet/yard/changes": {"hub"},  # it changes robots: for users of the edge's own computer
     "fleet/yard/workers/arms/reload": {"hub"},  # it loads code: for users of the edge's own computer
 }
@@ -303,7 +304,7 @@ def test_every_key_of_the_fleet_is_given_to_somebody_or_kept():
     decided = {"edge", "robot", "claim", "claims", "command", "holders", "places", "state", "worker"}
     decided |= {"heartbeat", "halt", "health", "stop", "held", "video", "history", "description"}
     decided |= {"prepare", "starts", "starting", "schedules"}
-    decided |= {"mission", "run", "reload", "coordinator", "as_console", "changes", "frames"}
+    decided |= {"mission", "run", "reload", "coordinator", "as_console", "changes", "frames", "failover"}
     assert {name for name, _ in inspect.getmembers(keys, inspect.isfunction)} == decided
 
 

@@ -1,5 +1,7 @@
 import pytest
 
+PAIR = "pair: [a, b]\nlease: {servers: ['tls://lease.example.com:4222']}"
+
 
 def test_a_good_file_is_told_in_one_line(fleet):
     result = fleet("check")
@@ -24,6 +26,17 @@ def test_a_good_file_is_told_to_programs(fleet):
         "problems": [],
         "warnings": [],
     }
+
+
+def test_when_the_standby_of_a_pair_moves_a_robot_is_shown(fleet, place):
+    text = (place / "fleet.yaml").read_text().replace("edge: {id: yard-1}", PAIR)
+    (place / "fleet.yaml").write_text(
+        text.replace("link: sim:toy", "link: tcp:10.0.0.7:5760\n    worker: main")
+    )
+    code, said, _ = fleet("check")
+    assert code == 0
+    assert "once somebody has stopped it from there" in said
+    assert fleet("check", "--json").json["moved_after"] == {"rex": None}
 
 
 def test_problems_go_to_stderr_with_line_and_caret(fleet, place):

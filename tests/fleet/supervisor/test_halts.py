@@ -8,7 +8,9 @@ import tty
 
 import pytest
 
-from fleet.supervisor.halts import ProcessHalts, registered_halt
+from fleet.link.gate import boot_time
+from fleet.supervisor.halts import LAST_CHANCE, ProcessHalts, RegisteredHalt, registered_halt
+from fleet.supervisor.protocol import WriteUntil
 
 
 @pytest.fixture
@@ -74,3 +76,28 @@ def test_the_last_halt_of_a_robot_counts(device):
     halts.write()
     assert os.read(robot, 100) == b"new"
     halts.close()
+
+
+def test_no_halt_is_written_once_another_edge_may_have_the_robot():
+    with socket.socket(type=socket.SOCK_DGRAM) as robot, socket.socket(type=socket.SOCK_DGRAM) as ours:
+        robot.bind(("127.0.0.1", 0))
+        robot.setblocking(False)
+        halts = ProcessHalts()
+        halts.keep("rex", registered_halt(os.dup(ours.fileno()), (b"halt",), robot.getsockname()))
+        halts.follow(WriteUntil(boot_time() - 0.001), [])
+        assert halts.write() == []
+        with pytest.raises(BlockingIOError):
+            robot.recv(100)
+        halts.close()
+
+
+def test_halts_are_due_just_before_the_right_to_write_ends():
+    halts = ProcessHalts()
+    halts.keep("rex", RegisteredHalt((b"halt",), lambda _frame: None, lambda: None))
+    assert not halts.must_halt
+    halts.follow(WriteUntil(boot_time() + 60.0), [])
+    assert not halts.must_halt
+    halts.follow(WriteUntil(boot_time() + LAST_CHANCE / 2), [])
+    assert halts.must_halt
+    halts.drop("rex")
+    assert not halts.must_halt

@@ -113,7 +113,7 @@ class Yard:
         self.ran = []
         monkeypatch.setattr("fleet.host.process.twin_claims.asyncio.get_running_loop", lambda: self.loop)
 
-    def edge(self, name, skew=0.0):
+    def edge(self, name, skew=0.0, pair=()):
         class Clock:
             time = staticmethod(lambda: 1000.0 + self.loop.now + skew)
 
@@ -127,6 +127,7 @@ class Yard:
             moves=lambda _twin: name in self.moving,
             clock=Clock(),
         )
+        claims.pair = frozenset(pair)
         claims.start()
         return bus_session
 
@@ -187,3 +188,13 @@ def test_a_forged_claim_of_long_ago_takes_no_robot(monkeypatch):
     yard.bus.change(None, keys.claim("evil", TWIN, 0), True)
     yard.loop.run(4 * SETTLE)
     assert yard.running == {"yard-1"}
+
+
+def test_edges_of_a_pair_claim_beside_each_other_and_keep_a_third_out(monkeypatch):
+    yard = Yard(monkeypatch, lambda: 0.01)
+    for name in ("yard-0", "yard-1"):
+        yard.edge(name, pair=("yard-0", "yard-1"))
+    yard.loop.run(2 * SETTLE)
+    yard.edge("yard-2")
+    yard.loop.run(6 * SETTLE)
+    assert yard.running == {"yard-0", "yard-1"}, "which of them runs the robot is the lease's matter"

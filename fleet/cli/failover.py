@@ -1,0 +1,72 @@
+"""``fleet failover``: hand the robots of a pair over to its other edge, on purpose."""
+
+from __future__ import annotations
+
+import time
+
+import click
+import msgspec
+
+from fleet.bus import keys
+from fleet.cli.options import reach_option
+from fleet.cli.output import ExitCode, Output, with_output
+from fleet.client.edges import Edges
+from fleet.errors import NotRunning, Refused, TimedOut
+from fleet.model.command import Reply
+from fleet.model.state import EdgeState
+
+HOLDER = "holder"
+GIVEN_WITHIN = 15.0  # s for the robots to hold and the lease to be given
+LOOK = 0.2  # s between two looks
+
+
+class HandOver(msgspec.Struct, frozen=True):
+    """The request to hand the lease over; it says nothing more."""
+
+
+@click.command()
+@click.argument("edge", required=False)
+@reach_option
+@with_output
+def failover(out: Output, edge: str | None, *, file: str | None) -> ExitCode:
+    """Hand the robots of a pair over to its other edge.
+
+    EDGE is the one that has them; it may be left out where only one edge here has. Its robots are held,
+    their links closed, and the other edge takes over; missions that run on this edge end. If the other edge
+    does not run, this one takes the robots again.
+    """
+    with Edges.reach(file) as edges:
+        holder = _holder(edges.edges(), edge)
+        reply = edges.one(keys.failover(holder), Reply, HandOver())
+        if not reply.ok:
+            raise Refused(reply.reason)
+        end = time.monotonic() + GIVEN_WITHIN
+        while _role(edges.edges(), holder) == HOLDER:
+            if time.monotonic() > end:
+                raise TimedOut(f"edge {holder} still has the lease after {GIVEN_WITHIN:g} s")
+            time.sleep(LOOK)
+    out.data({"ok": True, "edge": holder})
+    out.say(f"edge {holder} has let go of its robots; the other edge of the pair takes over")
+    return ExitCode.OK
+
+
+def _holder(states: list[EdgeState], edge: str | None) -> str:
+    """Return the edge that is meant; raises NotRunning or Refused."""
+    paired = {state.edge: state.pair for state in states if state.pair}
+    if edge is not None:
+        if edge not in paired:
+            raise NotRunning(f"no edge {edge} of a pair can be reached")
+        return edge
+    holders = [name for name, role in paired.items() if role == HOLDER]
+    if len(holders) == 1:
+        return holders[0]
+    if holders:
+        raise Refused(f"several edges have the robots of their pair; say which: {', '.join(holders)}")
+    if paired:
+        raise NotRunning(f"{', '.join(paired)} is standby: ask on the computer of the other edge")
+    raise NotRunning("no edge of a pair can be reached")
+
+
+def _role(states: list[EdgeState], edge: str) -> str:
+    """Return what an edge is in its pair."""
+    return next((state.pair for state in states if state.edge == edge), "")

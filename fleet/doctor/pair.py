@@ -1,0 +1,74 @@
+"""Whether the pair of a fleet file is one: where its lease service runs, and which robots have no standby."""
+
+from __future__ import annotations
+
+import socket
+from collections.abc import Callable, Iterable, Sequence
+
+from fleet.config.other_edges import LeaseConfig, host_of, port_of
+from fleet.config.pair import is_local_link
+from fleet.doctor.finding import Finding, error, ok, warning
+
+PAIR = "pair"
+WITHIN = 3.0  # s for one connection
+SCHEMES = ("serial:", "can:", "memory:", "sim:")
+
+
+def runs_here(server: str) -> bool:
+    """Return whether a server's name leads to an address of this computer. Blocks."""
+    try:
+        found = socket.getaddrinfo(host_of(server), None, type=socket.SOCK_DGRAM)
+    except OSError:
+        return False
+    return any(_is_ours(family, address[0]) for family, _, _, _, address in found)
+
+
+def _is_ours(family: int, address: str | int) -> bool:
+    """Return whether an address is one of this computer's: only those can be bound."""
+    with socket.socket(family, socket.SOCK_DGRAM) as probe:
+        try:
+            probe.bind((address, 0))
+        except OSError:
+            return False
+        return True
+
+
+def answers(server: str) -> bool:
+    """Return whether something listens at a server's port. Blocks."""
+    try:
+        with socket.create_connection((host_of(server).strip("[]"), port_of(server)), WITHIN):
+            return True
+    except OSError:
+        return False
+
+
+def check_pair(
+    lease: LeaseConfig,
+    links: Iterable[str],
+    *,
+    here: Callable[[str], bool] = runs_here,
+    reached: Callable[[str], bool] = answers,
+) -> list[Finding]:
+    """Judge the pair. A lease service that dies with one of its two computers hands nothing over."""
+    silent = [server for server in lease.servers if not reached(server)]
+    found = _judge_place([server for server in lease.servers if here(server)], lease.servers)
+    if silent:
+        cure = "start it, or correct lease.servers; without it neither edge moves a robot"
+        found.append(error(PAIR, f"nothing answers at {', '.join(silent)}", cure))
+    alone = [link for link in links if link.startswith(SCHEMES) and is_local_link(link)]
+    if alone:
+        cure = "reach them over the network, or run them by an edge of their own"
+        found.append(
+            warning(PAIR, f"no standby for what only this computer reaches: {', '.join(alone)}", cure)
+        )
+    return found or [
+        ok(PAIR, f"the lease service answers at {', '.join(lease.servers)}, on another computer")
+    ]
+
+
+def _judge_place(here: Sequence[str], servers: Sequence[str]) -> list[Finding]:
+    """Judge whether the service outlives this computer: a cluster does while most of its servers live."""
+    if 2 * len(here) < len(servers) or not here:
+        return []
+    what = f"this is no standby: the lease service at {', '.join(here)} dies with this computer"
+    return [error(PAIR, what, "run it on a third computer, or as a cluster on three")]

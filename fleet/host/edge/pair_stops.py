@@ -1,0 +1,72 @@
+"""The emergency stops of a pair, as one of its edges has them: set, listed in the lease, followed."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Mapping
+
+import msgspec
+
+from fleet.bus import keys
+from fleet.bus.zenoh_session import ZenohSession
+from fleet.host.robot.local_robot import LocalRobot
+from fleet.standby.lease import Entry
+from fleet.standby.stops import FollowedStops, OwnStop
+
+log = logging.getLogger(__name__)
+
+NOT_KNOWN = "nobody knows which stops were set: the lease service had no entry of the pair"
+
+
+class PairStops:
+    """The stops of one edge's robots; ``other`` is the other edge. On the event loop, but for ``listed``."""
+
+    def __init__(self, other: str, robots: Mapping[str, LocalRobot], bus_session: ZenohSession) -> None:
+        self._other = other
+        self._robots = robots
+        self._bus_session = bus_session
+        self._followed = FollowedStops()
+
+    @property
+    def listed(self) -> dict[str, str]:
+        """The robots whose emergency stop is set, with its cause; from any thread."""
+        return {name: each.controller.latch.why for name, each in self._robots.items() if _is_set(each)}
+
+    def take_over(self, entry: Entry | None) -> None:
+        """Set what was set when the lease was taken; everything, where nobody knows. No robot runs yet."""
+        if entry is None:
+            self._engage(dict.fromkeys(self._robots, NOT_KNOWN))
+        elif entry.edge == self._other:
+            self._engage({name: self._cause(why) for name, why in entry.stops.items()})
+
+    def follow(self, entry: Entry) -> None:
+        """Set and release stops as the holder has them; pass on those that only we were asked for."""
+        own = {
+            name: OwnStop(each.controller.latched, each.controller.latch.asked)
+            for name, each in self._robots.items()
+        }
+        what = self._followed.follow(entry.stops, own)
+        self._engage({name: self._cause(why) for name, why in what.stop.items()})
+        for name in what.release:
+            log.warning("%s: its emergency stop was released at edge %s", name, entry.edge)
+            self._robots[name].controller.latch.release()
+        if what.forward:
+            self._bus_session.put(keys.stop(entry.edge), msgspec.json.encode(what.forward), urgent=True)
+
+    def _cause(self, why: str) -> str:
+        """Return the cause of a stop that was set at the other edge."""
+        return f"set at edge {self._other}: {why}"
+
+    def _engage(self, stops: Mapping[str, str]) -> None:
+        """Set emergency stops of robots that are not run here."""
+        for name, why in stops.items():
+            robot = self._robots.get(name)
+            if robot is not None and not _is_set(robot):
+                log.warning("%s: its emergency stop is set here too: %s", name, why)
+                robot.controller.latch.engage(why)
+                robot.controller.latch.record()
+
+
+def _is_set(robot: LocalRobot) -> bool:
+    """Return whether a robot's emergency stop is set."""
+    return robot.controller.latched

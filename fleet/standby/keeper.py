@@ -1,0 +1,169 @@
+"""The keeper of an edge's lease: asks the store for it, renews it, and says what the edge is.
+
+A thread of its own, because the event loop of the robots may be held up, and because a lease that lapses must
+be noticed even then.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+import threading
+from collections.abc import Callable, Coroutine
+from typing import Any, Protocol
+
+from fleet.errors import StateError
+from fleet.standby.lease import Entry, Lease, LeaseState, Wish
+from fleet.standby.store import ANSWER_WITHIN, LeaseStore
+
+log = logging.getLogger(__name__)
+
+TURN = 0.05  # s between two looks at the clock
+LOOK_EVERY = 0.25  # s between two looks into the store
+RELEASED_WITHIN = 2.0  # s that the end of the edge waits for the lease to be given back
+
+
+class LeaseUser(Protocol):
+    """What runs the robots by the lease; everything is called on the keeper's thread, and must not wait."""
+
+    def stops(self) -> dict[str, str]:
+        """Return the robots whose emergency stop is set, with its cause."""
+
+    def vouched(self, epoch: int, until: float) -> None:
+        """Take it that the edge may write to robots until then; before ``changed`` says that it holds it."""
+
+    def changed(self, state: LeaseState) -> None:
+        """Take a new state."""
+
+    def saw(self, entry: Entry | None) -> None:
+        """Take what the store has while another edge may hold the lease."""
+
+
+class LeaseKeeper:
+    """Keeps the lease of one edge. Others call ``begin``, ``hand_over``, ``let_go`` and ``close`` alone."""
+
+    def __init__(
+        self, lease: Lease, store: LeaseStore, user: LeaseUser, *, clock: Callable[[], float]
+    ) -> None:
+        self.lease = lease
+        self.problem = ""  # why the store cannot be used; empty while it can
+        self._store = store
+        self._user = user
+        self._clock = clock
+        self._state = lease.state
+        self._stops: dict[str, str] | None = None  # as the store has them
+        self._asking: asyncio.Task[None] | None = None
+        self._look_at = 0.0
+        self._loop = asyncio.new_event_loop()
+        self._ended = asyncio.Event()
+        self._thread = threading.Thread(target=self._serve, name="fleet-lease", daemon=True)
+
+    def begin(self) -> None:
+        """Begin to ask for the lease."""
+        self._thread.start()
+
+    def hand_over(self, to: str) -> None:
+        """Give the lease away, to any edge if empty, once the robots are let go of; from any thread."""
+        self._loop.call_soon_threadsafe(self._do, lambda: self.lease.hand_over(to))
+
+    def let_go(self) -> None:
+        """Note that no link to a robot is open any more; from any thread."""
+        self._loop.call_soon_threadsafe(self._do, self.lease.let_go)
+
+    def close(self) -> None:
+        """Give the lease back, if it is ours, and end; waits for it. No link may be open any more."""
+        if not self._thread.is_alive():
+            self._loop.close()
+            return
+        self._loop.call_soon_threadsafe(self._ended.set)
+        self._thread.join(2 * RELEASED_WITHIN)
+
+    def _do(self, call: Callable[[], None]) -> None:
+        """Do something that may change the state, and say so."""
+        call()
+        self._tell()
+
+    def _serve(self) -> None:
+        """Body of the thread."""
+        asyncio.set_event_loop(self._loop)
+        try:
+            self._loop.run_until_complete(self._run())
+        finally:
+            self._loop.close()
+
+    async def _run(self) -> None:
+        """Keep the lease until the end."""
+        while not self._ended.is_set():
+            self._turn()
+            await asyncio.sleep(TURN)
+        if self._asking is not None:
+            await asyncio.wait({self._asking}, timeout=2 * ANSWER_WITHIN)
+        self.lease.hand_over("")
+        self.lease.let_go()
+        if self.lease.wish(self._clock()) is Wish.RELEASE:
+            await asyncio.wait({asyncio.ensure_future(self._write(Wish.RELEASE))}, timeout=RELEASED_WITHIN)
+        await self._store.close()
+
+    def _turn(self) -> None:
+        """Look at the clock, and ask the store what is due; one request at a time."""
+        now = self._clock()
+        self.lease.tick(now)
+        self._tell()
+        if self._asking is not None and not self._asking.done():
+            return
+        wish = self.lease.wish(now, news=self._user.stops() != self._stops)
+        if wish is not None:
+            self._ask(self._write(wish))
+        elif self.lease.must_look and now >= self._look_at:
+            self._look_at = now + LOOK_EVERY
+            self._ask(self._read())
+
+    def _ask(self, work: Coroutine[Any, Any, None]) -> None:
+        """Begin a request."""
+        self._asking = self._loop.create_task(work)
+
+    async def _read(self) -> None:
+        """Read the store."""
+        try:
+            entry, revision = await asyncio.wait_for(self._store.read(), 3 * ANSWER_WITHIN)
+        except (StateError, TimeoutError) as error:
+            self._silent(error)
+            return
+        self.problem = ""
+        self.lease.see(entry, revision, self._clock())
+        self._tell()
+        if self.lease.state is not LeaseState.HOLDER:
+            self._user.saw(entry)
+
+    async def _write(self, wish: Wish) -> None:
+        """Write what is wished."""
+        stops = self._user.stops()
+        entry = self.lease.begin(wish, stops, self._clock())
+        try:
+            revision = await asyncio.wait_for(self._store.write(entry, self.lease.revision), ANSWER_WITHIN)
+        except (StateError, TimeoutError) as error:
+            self.lease.unanswered()
+            self._silent(error)
+            return
+        self.problem = ""
+        if revision is None:
+            self.lease.refused()
+            return
+        self.lease.written(entry, revision, self._clock())
+        self._stops = stops
+        if self.lease.state is LeaseState.HOLDER:
+            self._user.vouched(self.lease.epoch, self.lease.writes_until)
+        self._tell()
+
+    def _silent(self, error: Exception) -> None:
+        """Note why the store cannot be used."""
+        text = str(error) or "the lease service does not answer"
+        if not self.problem:
+            log.warning("%s: no edge of the pair takes over while it is so", text)
+        self.problem = text
+
+    def _tell(self) -> None:
+        """Say a new state, once."""
+        if self.lease.state is not self._state:
+            self._state = self.lease.state
+            self._user.changed(self._state)

@@ -1,0 +1,329 @@
+"""The lease machine: its table, and that no two edges may ever write to a robot."""
+
+import heapq
+import itertools
+from dataclasses import dataclass, field
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from fleet.standby.lease import TRANSITIONS, Entry, Lease, LeaseEvent, LeaseState, Terms, Wish
+
+TERMS = Terms()
+STEP = 0.1  # s between two turns of a node
+PATIENCE = 0.7  # s for which a node waits for an answer
+
+
+def holder(lease, now=100.0, revision=7):
+    """Let a lease be taken."""
+    lease.see(None, 0, now - TERMS.length)
+    assert lease.wish(now) is Wish.TAKE
+    lease.written(lease.begin(Wish.TAKE, {}, now), revision, now + 0.01)
+    assert lease.state is LeaseState.HOLDER
+    return lease
+
+
+@pytest.fixture
+def a():
+    return Lease("a", "a-1", TERMS)
+
+
+@pytest.fixture
+def b():
+    return Lease("b", "b-1", TERMS)
+
+
+def test_no_way_leads_from_fenced_back_to_holder():
+    assert LeaseState.HOLDER not in {
+        TRANSITIONS.get((LeaseState.FENCED, event), LeaseState.FENCED) for event in LeaseEvent
+    }
+
+
+def test_an_edge_waits_for_the_length_of_the_lease_where_there_is_no_entry(a):
+    a.see(None, 0, 10.0)
+    assert a.wish(12.9) is None
+    assert a.wish(13.0) is Wish.TAKE
+
+
+def test_an_edge_that_has_read_nothing_takes_nothing(a):
+    assert a.wish(1e9) is None
+
+
+def test_the_epoch_is_the_revision_with_which_the_lease_was_taken(a):
+    holder(a, revision=41)
+    entry = a.begin(Wish.RENEW, {}, 101.0)
+    a.written(entry, 42, 101.1)
+    assert (a.epoch, entry.epoch) == (41, 41)
+
+
+def test_a_renewal_counts_from_the_moment_it_was_begun(a):
+    holder(a, now=100.0)
+    a.written(a.begin(Wish.RENEW, {}, 100.5), 8, 101.4)
+    assert a.motion_until == 100.5 + TERMS.length - TERMS.standstill
+    assert a.writes_until == 100.5 + TERMS.length - TERMS.margin
+
+
+def test_motion_ends_before_the_lease_does_and_nothing_is_written_at_its_end(a):
+    holder(a, now=100.0)
+    a.tick(100.0 + TERMS.length - TERMS.standstill)
+    assert a.state is LeaseState.FENCED
+    assert a.motion_until == -float("inf")
+    assert a.writes_until < 100.0 + TERMS.length
+
+
+def test_a_lease_that_was_taken_too_late_is_not_held(a):
+    a.see(None, 0, 0.0)
+    entry = a.begin(Wish.TAKE, {}, 3.0)
+    a.written(entry, 1, 5.5)
+    assert a.state is LeaseState.STANDBY
+
+
+def test_a_renewal_whose_answer_was_lost_is_found_in_the_store(a):
+    holder(a, now=100.0)
+    entry = a.begin(Wish.RENEW, {}, 100.5)
+    a.unanswered()
+    assert a.wish(100.9) is None
+    a.see(entry, 8, 101.0)
+    assert (a.state, a.wish(101.0), a.revision) == (LeaseState.HOLDER, Wish.RENEW, 8)
+
+
+@pytest.mark.parametrize("entry", [None, Entry("b", "b-1", 9)])
+def test_a_holder_that_does_not_find_its_entry_is_fenced(a, entry):
+    holder(a)
+    a.begin(Wish.RENEW, {}, 100.5)
+    a.refused()
+    a.see(entry, 9 if entry else 0, 100.6)
+    assert a.state is LeaseState.FENCED
+
+
+def test_a_standby_takes_a_lease_that_was_handed_to_it_at_once(b):
+    b.see(Entry("a", "a-1", 7, released=True, to="b"), 9, 50.0)
+    assert b.wish(50.0) is Wish.TAKE
+
+
+def test_nobody_else_takes_a_lease_that_was_handed_to_an_edge_before_its_length_has_passed(a):
+    a.see(Entry("c", "c-1", 7, released=True, to="b"), 9, 50.0)
+    assert a.wish(52.9) is None
+    assert a.wish(53.0) is Wish.TAKE
+
+
+def test_an_edge_that_gave_the_lease_away_does_not_take_it_back_at_once(a):
+    holder(a)
+    a.hand_over("b")
+    assert a.wish(100.2) is None
+    a.let_go()
+    assert a.wish(100.3) is Wish.RELEASE
+    entry = a.begin(Wish.RELEASE, {"rover": "asked"}, 100.3)
+    assert (entry.released, entry.to, entry.stops) == (True, "b", {"rover": "asked"})
+    a.written(entry, 8, 100.4)
+    assert a.wish(103.3) is None
+    assert a.wish(103.5) is Wish.TAKE
+
+
+def test_an_edge_whose_lease_lapsed_releases_it_once_its_robots_are_let_go_of(a):
+    holder(a, now=100.0)
+    a.tick(102.5)
+    assert a.wish(102.6) is None
+    a.let_go()
+    assert a.wish(102.7) is Wish.RELEASE
+
+
+def test_news_of_a_stop_is_written_at_once(a):
+    holder(a)
+    assert a.wish(100.1) is None
+    assert a.wish(100.1, news=True) is Wish.RENEW
+
+
+def test_a_takeover_knows_whether_the_robots_were_let_go_of(a, b):
+    b.see(Entry("a", "a-1", 7, released=True), 9, 50.0)
+    b.written(b.begin(Wish.TAKE, {}, 50.1), 10, 50.2)
+    assert (b.takeover.orderly, b.takeover.since) == (True, 50.0)
+    holder(a)
+    assert not a.takeover.orderly
+
+
+# -- two edges, a store, and everything that can go wrong ---------------------------------------------------
+
+
+@dataclass
+class Node:
+    """An edge in the model: its lease, its clock (offset and rate), and until when it is paused."""
+
+    lease: Lease
+    offset: float
+    rate: float
+    paused_until: float = 0.0
+    cut_until: float = 0.0
+    looking: bool = False
+    epochs: list = field(default_factory=list)
+
+    def now(self, real):
+        return self.offset + real * self.rate
+
+
+class World:
+    """Two nodes and a store; messages take their time, or are lost. ``trouble`` is drawn by Hypothesis."""
+
+    def __init__(self, nodes, delays, losses):
+        self.nodes = nodes
+        self.delays, self.losses = itertools.cycle(delays), itertools.cycle(losses)
+        self.entry, self.revision = None, 0
+        self.due, self.count, self.real = [], itertools.count(), 0.0
+        self.epochs = []
+
+    def later(self, delay, call):
+        heapq.heappush(self.due, (self.real + delay, next(self.count), call))
+
+    def advance(self, until):
+        """Let time pass; nobody may write beside another at any moment at which something happens."""
+        while self.due and self.due[0][0] <= until:
+            self.real, _, call = heapq.heappop(self.due)
+            call()
+            self.check()
+        self.real = until
+        self.check()
+
+    def check(self):
+        writing = [node for node in self.nodes if node.now(self.real) < node.lease.writes_until]
+        assert len(writing) <= 1, [(node.lease.edge, node.lease.state) for node in writing]
+        for node in writing:
+            if node.lease.epoch not in node.epochs:
+                assert not self.epochs or node.lease.epoch > self.epochs[-1]
+                node.epochs.append(node.lease.epoch)
+                self.epochs.append(node.lease.epoch)
+
+    def turn(self, node):
+        """One turn of a node that is not paused, as its keeper takes it."""
+        now, lease = node.now(self.real), node.lease
+        lease.tick(now)
+        if lease.state is LeaseState.FENCED:
+            lease.let_go()
+        wish = lease.wish(now)
+        if wish is not None:
+            entry = lease.begin(wish, {}, now)
+            self.send(node, entry, lease.revision)
+        elif lease.must_look and not node.looking:
+            node.looking = True
+            self.later(next(self.delays), lambda: self.answer_look(node))
+
+    def turns(self, node):
+        if node.paused_until == float("inf"):
+            return
+        if self.real >= node.paused_until:
+            self.turn(node)
+        self.later(STEP, lambda: self.turns(node))
+
+    def lost(self, node):
+        return self.real < node.cut_until or next(self.losses)
+
+    def send(self, node, entry, last):
+        """Send a write; the request may be lost or come late, and so may the answer."""
+        ended = []  # the write is answered once: by the store, or by the end of the patience
+        if not self.lost(node):
+            self.later(next(self.delays), lambda: self.store(node, entry, last, ended))
+        self.later(PATIENCE, lambda: self.receive(node, ended, node.lease.unanswered))
+
+    def store(self, node, entry, last, ended):
+        """Carry a write out, if nobody wrote before, and answer."""
+        if last != self.revision_of_entry():
+            self.later(next(self.delays), lambda: self.receive(node, ended, node.lease.refused))
+            return
+        self.revision += 1
+        self.entry = (entry, revision := self.revision)
+        if not self.lost(node):
+
+            def confirm():
+                node.lease.written(entry, revision, node.now(self.real))
+
+            self.later(next(self.delays), lambda: self.receive(node, ended, confirm))
+
+    def revision_of_entry(self):
+        return self.entry[1] if self.entry else 0
+
+    def receive(self, node, ended, tell):
+        if self.real < node.paused_until:
+            if node.paused_until < float("inf"):
+                self.later(node.paused_until - self.real, lambda: self.receive(node, ended, tell))
+        elif not ended:
+            ended.append(True)
+            tell()
+
+    def answer_look(self, node):
+        found = self.entry or (None, 0)
+        lost = self.lost(node)
+
+        def arrive():
+            if self.real < node.paused_until:
+                if node.paused_until < float("inf"):
+                    self.later(node.paused_until - self.real, arrive)
+                return
+            node.looking = False
+            if not lost:
+                node.lease.see(*found, node.now(self.real))
+
+        self.later(next(self.delays), arrive)
+
+
+TROUBLES = st.tuples(
+    st.floats(0.05, 3.0),  # s until it comes
+    st.sampled_from(("pause", "cut", "restart", "hand over", "delete")),
+    st.sampled_from((0, 1)),  # of which node
+    st.floats(0.1, 8.0),  # how long, s
+)
+
+
+@settings(max_examples=500, deadline=None)
+@given(
+    offsets=st.tuples(st.floats(0, 1e6), st.floats(0, 1e6)),
+    rates=st.tuples(st.floats(0.99, 1.01), st.floats(0.99, 1.01)),
+    delays=st.lists(st.floats(0.0, 1.5), min_size=1, max_size=7),
+    losses=st.lists(st.booleans(), min_size=1, max_size=7),
+    troubles=st.lists(TROUBLES, max_size=12),
+)
+def test_two_edges_never_may_write_at_once_whatever_happens(offsets, rates, delays, losses, troubles):
+    nodes = [
+        Node(Lease(name, f"{name}-0", TERMS), offset, rate)
+        for name, offset, rate in zip("ab", offsets, rates, strict=True)
+    ]
+    world = World(nodes, delays, losses)
+    for node in nodes:
+        world.turns(node)
+    for number, (after, kind, which, seconds) in enumerate(troubles):
+        world.advance(world.real + after)
+        node = nodes[which]
+        if kind == "pause":
+            node.paused_until = world.real + seconds
+        elif kind == "cut":
+            node.cut_until = world.real + seconds
+        elif kind == "restart" and node.lease.state is not LeaseState.FENCED:
+            restart(world, which, number)
+        elif kind == "hand over":
+            node.lease.hand_over("ab"[1 - which])
+        elif kind == "delete":  # by a person; a marker with a revision of its own is left
+            world.revision += 1
+            world.entry = (None, world.revision)
+    world.advance(world.real + 10.0)
+
+
+def restart(world, which, number):
+    """Replace a node's process: the earlier one writes no more, as one that was killed."""
+    old = world.nodes[which]
+    new = Node(Lease(old.lease.edge, f"{old.lease.edge}-{number + 1}", TERMS), old.offset, old.rate)
+    old.paused_until = float("inf")
+    old.lease.state = LeaseState.STANDBY
+    world.nodes[which] = new
+    world.turns(new)
+
+
+def test_the_lease_is_taken_over_within_four_seconds_of_the_holders_end():
+    nodes = [Node(Lease(name, f"{name}-0", TERMS), 0.0, 1.0) for name in "ab"]
+    world = World(nodes, [0.01], [False])
+    for node in nodes:
+        world.turns(node)
+    world.advance(6.0)
+    first = next(node for node in nodes if node.lease.state is LeaseState.HOLDER)
+    other = next(node for node in nodes if node is not first)
+    first.paused_until = float("inf")
+    world.advance(10.0)
+    assert other.lease.state is LeaseState.HOLDER

@@ -1,0 +1,44 @@
+"""Emergency stops of a pair: the standby follows the list of the holder."""
+
+from fleet.standby.stops import FollowedStops, OwnStop
+
+SET, FREE = OwnStop(is_set=True, asked=1), OwnStop(is_set=False, asked=0)
+
+
+def test_a_stop_on_the_list_is_set():
+    followed = FollowedStops().follow({"rover": "asked by anna", "unknown": ""}, {"rover": FREE})
+    assert followed.stop == {"rover": "asked by anna"}
+
+
+def test_a_release_at_the_holder_is_followed():
+    stops = FollowedStops()
+    stops.follow({"rover": "asked"}, {"rover": FREE})
+    assert stops.follow({}, {"rover": SET}).release == ["rover"]
+
+
+def test_a_stop_that_came_here_since_the_list_is_kept():
+    stops = FollowedStops()
+    stops.follow({"rover": "asked"}, {"rover": SET})
+    followed = stops.follow({}, {"rover": OwnStop(is_set=True, asked=2)})
+    assert followed.release == []
+    assert followed.forward == ["rover"]
+
+
+def test_a_stop_that_only_the_standby_heard_is_passed_on_once():
+    stops = FollowedStops()
+    assert stops.follow({}, {"rover": SET}).forward == ["rover"]
+    assert stops.follow({}, {"rover": SET}).forward == []
+
+
+def test_a_stop_of_an_earlier_process_is_neither_released_nor_passed_on():
+    kept = OwnStop(is_set=True, asked=0)
+    stops = FollowedStops()
+    followed = stops.follow({}, {"rover": kept})
+    assert (followed.release, followed.forward) == ([], [])
+
+
+def test_a_stop_of_an_earlier_process_that_the_holder_has_too_is_released_with_it():
+    kept = OwnStop(is_set=True, asked=0)
+    stops = FollowedStops()
+    stops.follow({"rover": "asked"}, {"rover": kept})
+    assert stops.follow({}, {"rover": kept}).release == ["rover"]

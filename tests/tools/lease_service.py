@@ -1,0 +1,37 @@
+"""A lease service for tests: nats-server with JetStream, on loopback."""
+
+import contextlib
+import shutil
+import socket
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+from fleet.testing.waiting import wait_until
+
+
+@contextlib.contextmanager
+def lease_service(folder: Path) -> Iterator[int]:
+    """Run a server that keeps its data in a folder, inside a ``with`` block; gives its port."""
+    with socket.socket() as free:
+        free.bind(("127.0.0.1", 0))
+        port = free.getsockname()[1]
+    server = shutil.which("nats-server", path=str(Path(sys.executable).parent))
+    assert server is not None
+    with (folder / "log").open("a") as log:
+        command = [server, "-js", "-sd", str(folder), "-a", "127.0.0.1", "-p", str(port)]
+        process = subprocess.Popen(command, stdout=log, stderr=log)
+        try:
+            wait_until("the lease service listens", lambda: _listens(port))
+            yield port
+        finally:
+            process.terminate()
+            process.wait(20)
+
+
+def _listens(port: int) -> bool:
+    """Return whether somebody listens at a port."""
+    with contextlib.suppress(OSError), socket.create_connection(("127.0.0.1", port), 1.0):
+        return True
+    return False
