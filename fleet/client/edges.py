@@ -86,6 +86,11 @@ class Edges:
         for bus_session in self._lanes:
             bus_session.close()
 
+    @property
+    def sessions(self) -> tuple[ZenohSession, ...]:
+        """The control sessions of those that let us in."""
+        return self._lanes
+
     def states(self) -> list[RobotState]:
         """Return the robots' states, by edge and name; the newest where several speak for a robot."""
         found: dict[tuple[str, str], RobotState] = {}
@@ -298,3 +303,12 @@ def settings_of(file: str) -> BusSettings:
     from fleet.host.process.component_settings import bus_settings  # noqa: PLC0415
 
     return bus_settings(sections_of(file))
+
+
+def site_of(file: str | None) -> str | None:
+    """Return the site of a fleet file's edge; None without a file: that of the edges here."""
+    if file is None:
+        return None
+    from fleet.config.load import sections_of  # noqa: PLC0415 - pydantic is not needed without a file
+
+    return sections_of(file).edge.site or ""

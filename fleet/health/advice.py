@@ -8,6 +8,7 @@ from fleet.model.summary import Trouble
 
 _BY_REACH = {
     "gone": "look at the computer of {edge}: power, network; then there: fleet service status, fleet doctor",
+    "unseen": "look at the network of this computer, and at the router that it joins; fleet doctor",
     "silent": "on the computer of {edge}: fleet logs; its event loop hangs, or its fleet is older",
 }
 _BY_WORDS: tuple[tuple[str, str], ...] = (

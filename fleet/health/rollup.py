@@ -1,7 +1,7 @@
 """Summaries of edges to one view of a site or a fleet: what is wrong, by cause, the oldest first. Pure.
 
-An edge is ``up``, ``silent`` (on the bus, but no summary for a while) or ``gone``. One that was ever seen
-stays in the view until a person forgets it.
+An edge is ``up``, ``silent`` (on the bus, but no summary for a while), ``gone``, or ``unseen`` (we are cut
+off from its bus ourselves). One that was ever seen stays in the view until a person forgets it.
 """
 
 from __future__ import annotations
@@ -30,12 +30,14 @@ class Reach(enum.StrEnum):
     UP = "up"
     SILENT = "silent"
     GONE = "gone"
+    UNSEEN = "unseen"
 
 
 class SeenEdge(msgspec.Struct, frozen=True):
     """What is known of one edge. All times are Unix s by the clock of who looks.
 
     ``heard`` is when the last ``summary`` came, ``changed`` when its token came or went; 0: never.
+    ``unseen`` is since when we are cut off from it, 0 while we are not.
     """
 
     edge: str
@@ -43,11 +45,14 @@ class SeenEdge(msgspec.Struct, frozen=True):
     changed: float
     summary: Summary | None = None
     heard: float = 0.0
+    unseen: float = 0.0
 
     def reach(self, now: float) -> Reach:
         """Return whether it is up, silent or gone."""
         if not self.alive:
             return Reach.GONE
+        if self.unseen:
+            return Reach.UNSEEN
         return Reach.SILENT if now - max(self.heard, self.changed) > SILENT_AFTER else Reach.UP
 
 
@@ -125,7 +130,9 @@ def _troubles(edge: SeenEdge, reach: Reach, now: float) -> Sequence[Trouble]:
         cause = "not on the bus; its robots are not heard" if robots else "not on the bus"
         return (Trouble("offline", cause, min(edge.changed or edge.heard, now)),)
     if reach is Reach.SILENT:
-        return (Trouble("offline", "on the bus, but it sends no summary", max(edge.heard, edge.changed)),)
+        return (Trouble("offline", "on the bus, but it sends no summary", edge.heard or edge.changed),)
+    if reach is Reach.UNSEEN:
+        return (Trouble("offline", "its bus cannot be reached from here", min(edge.unseen, now)),)
     if edge.summary is None:
         return ()
     ahead = edge.summary.stamp - edge.heard
