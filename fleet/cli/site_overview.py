@@ -29,9 +29,7 @@ def site_lines(
     head = heading(view)
     causes = [cause_lines(row, now) for row in view.rows]
     edges = edge_table(seen, now)
-    more = (
-        [f"and {counted(view.more, 'cause')} for which summaries had no room: fleet ps"] if view.more else []
-    )
+    more = [f"and {counted(view.more, 'cause')} without room in the summaries: fleet ps"] * bool(view.more)
     room = None if height is None else max(height - 1 - len(head) - len(more), 3)
     least = 0 if room is None else room // 3
     shown = _fitted(causes, None if room is None else room - min(len(edges), least))

@@ -15,6 +15,8 @@ ELSEWHERE = {
     "cli/changes.py": "fleet/host/edge/test_changes.py",
     "cli/command_text.py": "fleet/cli/test_adapters.py",
     "client/edges.py": "fleet/cli/test_drop_ins.py",
+    "client/fleet_metrics.py": "fleet/cli/test_top.py",
+    "client/fleet_watch.py": "fleet/cli/test_top.py",
     "client/missions.py": "fleet/client/test_fleet.py",
     "cli/live.py": "fleet/cli/test_serve.py",
     "cli/options.py": "fleet/cli/test_demo.py",
