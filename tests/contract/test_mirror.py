@@ -47,6 +47,7 @@ ELSEWHERE = {
     "config/text.py": "fleet/config/test_schema.py",
     "config/variables.py": "fleet/config/test_yaml.py",
     "errors.py": "fleet/bridge/test_downlink.py",
+    "health/metrics.py": "fleet/cli/test_top.py",
     "history/reader.py": "fleet/history/test_store.py",
     "history/record.py": "fleet/history/test_store.py",
     "host/edge/certificate_expiry.py": "fleet/cli/test_certs.py",
