@@ -16,6 +16,7 @@ NAMES = (
     "stops",
     "together",
     "pad",
+    "fleet_view",
     "soak",
     "dog_picture",
 )

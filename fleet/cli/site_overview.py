@@ -40,10 +40,8 @@ def site_lines(
 
 def heading(view: View) -> list[str]:
     """Return how many edges and robots there are, and how they are."""
-    edges = counted(sum(view.edges.values()), "edge")
-    robots = counted(sum(view.robots.values()), "robot")
-    parts = [f"{edges}: {_counts(view.edges, _REACHES)}" if view.edges else edges]
-    parts.append(f"{robots}: {_counts(view.robots, ('fault', 'offline', 'unknown', 'degraded', 'ok'))}")
+    parts = [_counted(view.edges, "edge", _REACHES)]
+    parts.append(_counted(view.robots, "robot", ("fault", "offline", "unknown", "degraded", "ok")))
     if view.stopped:
         parts.append(f"{view.stopped} with an emergency stop set")
     versions = ", ".join(f"{version} ({number})" for version, number in sorted(view.versions.items()))
@@ -94,6 +92,12 @@ def _badness(edge: SeenEdge, now: float) -> tuple[int, int]:
     """Return what edges are ordered by."""
     level = LEVELS[edge.summary.health] if edge.summary else 0
     return _REACHES.index(edge.reach(now)), -level
+
+
+def _counted(found: Mapping[str, int], word: str, order: Iterable[str]) -> str:
+    """Return how many there are, and how they are."""
+    counts = _counts(found, order)
+    return counted(sum(found.values()), word) + (f": {counts}" if counts else "")
 
 
 def _counts(found: Mapping[str, int], order: Iterable[str]) -> str:
