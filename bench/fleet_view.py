@@ -91,14 +91,14 @@ class Puppets:
 def run():
     """Measure the view of a fleet that is well, then faults, then edges whose computers die."""
     endpoint = f"tcp/127.0.0.1:{free_port()}"
-    router = Puppets("router", endpoint).up()
-    started = [Puppets(first, TOGETHER, endpoint) for first in range(0, EDGES, TOGETHER)]
+    running = [Puppets("router", endpoint).up()]
     with tempfile.TemporaryDirectory(prefix="fv") as folder:
         try:
-            puppets = [each.up() for each in started]
-            _measure(Path(folder), endpoint, router, puppets)
+            for first in range(0, EDGES, TOGETHER):  # at once, the router would be late with its answers
+                running.append(Puppets(first, TOGETHER, endpoint).up())
+            _measure(Path(folder), endpoint, running[0], running[1:])
         finally:
-            for each in (*started, router):
+            for each in running:
                 each.end()
 
 

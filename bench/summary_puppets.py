@@ -7,6 +7,7 @@ monotonic second; without words the fault ends.
 """
 
 import asyncio
+import contextlib
 import gc
 import sys
 import time
@@ -16,6 +17,7 @@ from fleet.bus.settings import BusSettings, zenoh_settings
 from fleet.bus.zenoh_session import ZenohSession
 from fleet.clock import SystemClock
 from fleet.config.schema import EdgeConfig
+from fleet.errors import BusError
 from fleet.host.edge.summaries import Summaries
 from fleet.host.runtime.tick_scheduler import TickScheduler
 from fleet.model.health import Health
@@ -52,9 +54,7 @@ class PuppetEdge:
     def __init__(self, name, router, scheduler, loop):
         self._robots = [PuppetRobot(f"rover-{number}", name) for number in range(ROBOTS)]
         settings = BusSettings(name, connect=(router,))
-        self.session = ZenohSession(
-            zenoh_settings(settings, mode="client", listen=(), connect=settings.connect)
-        )
+        self.session = joined(zenoh_settings(settings, mode="client", listen=(), connect=settings.connect))
         site = f"site-{int(name.rpartition('-')[2]) // 10}"
         summaries = Summaries(self, EdgeConfig(id=name, site=site), SystemClock())
         summaries.declare(self.session, scheduler, loop.call_soon_threadsafe)
@@ -68,6 +68,15 @@ class PuppetEdge:
 
     def has(self, fault):
         self._robots[0].fault = fault
+
+
+def joined(settings, tries=20):
+    """Open a session; the router may be late with its answer, and an edge would try again, too."""
+    for _ in range(tries):
+        with contextlib.suppress(BusError):
+            return ZenohSession(settings)
+        print("the router does not answer in time; again", file=sys.stderr, flush=True)
+    sys.exit("the router does not answer")
 
 
 async def main(first, number, router):

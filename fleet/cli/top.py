@@ -52,7 +52,11 @@ class SiteLook:
 @click.option("--all", "everything", is_flag=True, help="Show everything, also beyond the screen.")
 @click.option("--forget", metavar="EDGE", help="Leave an edge out that is gone for good.")
 @click.option(
-    "--metrics", "port", type=FIGURES_PORT, help="Also serve the figures for Prometheus on this local port."
+    "--metrics",
+    "port",
+    metavar="PORT",
+    type=FIGURES_PORT,
+    help="Also serve the figures for Prometheus on this local port.",
 )
 @reach_option
 @with_output

@@ -107,6 +107,13 @@ def test_an_alert_tells_only_labels_that_its_expression_leaves_and_what_to_do_ne
         assert set(re.findall(r"\$labels\.(\w+)", text)) <= kept, alert["alert"]
 
 
+def test_the_reference_names_metrics_that_there_are_and_all_of_edges(known):
+    page = (FOLDER.parents[1] / "docs" / "reference" / "metrics.md").read_text()
+    named = set(re.findall(r"`(fleet_\w+)`", page))
+    assert named <= known.keys()
+    assert {name for name in known if name.startswith(("fleet_edge", "fleet_trouble"))} <= named
+
+
 def test_each_panel_has_a_place_and_a_name_of_its_own():
     places = [tuple(panel["gridPos"][key] for key in "xywh") for panel in DASHBOARD["panels"]]
     assert all(x + w <= 24 for x, _, w, _ in places)
