@@ -26,6 +26,7 @@ FUNCTIONS = {
     *("and", "by", "on", "group_left"),
 }
 OF_PROMETHEUS = {"up": {"job", "instance"}}
+ONCE_KNOWN = {"fleet_cloud_broker_round_trip_seconds"}  # an edge that never reached a broker has none
 EVERYWHERE = {"job", "instance", "le"}
 
 
@@ -110,7 +111,7 @@ def test_an_alert_tells_only_labels_that_its_expression_leaves_and_what_to_do_ne
 def test_the_reference_names_metrics_that_there_are_and_all_of_edges(known):
     page = (FOLDER.parents[1] / "docs" / "reference" / "metrics.md").read_text()
     named = set(re.findall(r"`(fleet_\w+)`", page))
-    assert named <= known.keys()
+    assert named - ONCE_KNOWN <= known.keys()
     assert {name for name in known if name.startswith(("fleet_edge", "fleet_trouble"))} <= named
 
 
