@@ -9,6 +9,7 @@ monotonic second; without words the fault ends.
 import asyncio
 import contextlib
 import gc
+import resource
 import sys
 import time
 
@@ -70,7 +71,7 @@ class PuppetEdge:
         self._robots[0].fault = fault
 
 
-def joined(settings, tries=20):
+def joined(settings, tries=5):
     """Open a session; the router may be late with its answer, and an edge would try again, too."""
     for _ in range(tries):
         with contextlib.suppress(BusError):
@@ -99,6 +100,8 @@ async def main(first, number, router):
 
 
 def route(endpoint):
+    _, most = resource.getrlimit(resource.RLIMIT_NOFILE)
+    resource.setrlimit(resource.RLIMIT_NOFILE, (most, most))  # each session takes two
     settings = BusSettings("router", mode="router", listen=(endpoint,))
     session = ZenohSession(zenoh_settings(settings, mode="router", listen=settings.listen, connect=()))
     print("up", flush=True)

@@ -39,9 +39,14 @@ class SiteLook:
 
     def document(self) -> dict[str, object]:
         """Return it for programs."""
-        edges = [
-            {"edge": edge.edge, "reach": edge.reach(self.now).value, "changed": edge.changed}
-            | {"heard": edge.heard, "summary": edge.summary and _builtins(edge.summary)}
+        edges: list[dict[str, object]] = [
+            {
+                "edge": edge.edge,
+                "reach": edge.reach(self.now).value,
+                "changed": edge.changed,
+                "heard": edge.heard,
+                "summary": edge.summary and _builtins(edge.summary),
+            }
             for edge in self.edges
         ]
         return {"at": self.now, **_builtins(self.view), "each": edges, "problems": self.problems}

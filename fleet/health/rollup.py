@@ -111,7 +111,7 @@ def roll_up(seen: Iterable[SeenEdge], now: float) -> View:
 def _robots_of(summary: Summary, reach: Reach) -> Counter[str]:
     """Return the robots of an edge by health; nobody knows that of an edge which is not heard."""
     if reach is Reach.UP:
-        return Counter(dict(summary.robots))
+        return Counter(summary.robots)
     return Counter({"unknown": sum(summary.robots.values())})
 
 

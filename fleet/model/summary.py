@@ -24,6 +24,7 @@ LONGEST_LINK = 80
 _ORDER = ("ok", "degraded", "offline", "fault")
 
 Word = Literal["ok", "degraded", "offline", "fault"]
+WordKey = Annotated[str, Meta(pattern=f"^({'|'.join(_ORDER)})$")]
 EdgeName = Annotated[str, Meta(pattern=r"^[a-z][a-z0-9_-]{0,62}$")]
 ShortText = Annotated[str, Meta(max_length=63)]
 Count = Annotated[int, Meta(ge=0, le=1_000_000)]
@@ -60,7 +61,7 @@ class Summary(msgspec.Struct, frozen=True, omit_defaults=True):
     uptime: Seconds
     site: ShortText = ""
     health: Word = "ok"
-    robots: dict[Word, Count] = {}
+    robots: dict[WordKey, Count] = {}
     stopped: Count = 0
     troubles: Annotated[tuple[Trouble, ...], Meta(max_length=LISTED)] = ()
     more: Count = 0
