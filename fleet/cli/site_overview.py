@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import heapq
 from collections.abc import Iterable, Mapping, Sequence
 
 from fleet.cli.output import GAP, counted
@@ -28,13 +29,12 @@ def site_lines(
     """
     head = heading(view)
     causes = [cause_lines(row, now) for row in view.rows]
-    edges = edge_table(seen, now)
     more = [f"and {counted(view.more, 'cause')} without room in the summaries: fleet ps"] * bool(view.more)
     room = None if height is None else max(height - 1 - len(head) - len(more), 3)
     least = 0 if room is None else room // 3
-    shown = _fitted(causes, None if room is None else room - min(len(edges), least))
+    shown = _fitted(causes, None if room is None else room - min(len(seen) + 1, least))
     left = None if room is None else room - len(shown)
-    lines = [*head, *shown, *more, *_first(edges, left)]
+    lines = [*head, *shown, *more, *edge_lines(seen, now, left)]
     return [_cut(printable(line), width) for line in lines]
 
 
@@ -56,9 +56,22 @@ def cause_lines(row: Row, now: float) -> list[str]:
     return [first, f"{'':>6}{GAP}-> {row.next}"]
 
 
-def edge_table(seen: Iterable[SeenEdge], now: float) -> list[str]:
-    """Return a line for each edge below their headings, the worst first."""
-    ordered = sorted(seen, key=lambda edge: (*_badness(edge, now), edge.edge))
+def edge_lines(seen: Sequence[SeenEdge], now: float, room: int | None = None) -> list[str]:
+    """Return a line for each edge below their headings, the worst first; of those without room the number.
+
+    Only what is shown is formatted: of thousands of edges, a screen shows a few.
+    """
+    if room is None or len(seen) < room:
+        return _table(seen, now)
+    if room < 3:  # a heading, one edge and the number of the others
+        return [_missing(len(seen), "edge")]
+    worst = heapq.nsmallest(room - 2, seen, key=lambda edge: _badness(edge, now))
+    return [*_table(worst, now), _missing(len(seen) - len(worst), "edge")]
+
+
+def _table(seen: Iterable[SeenEdge], now: float) -> list[str]:
+    """Return the edges as a table, the worst first."""
+    ordered = sorted(seen, key=lambda edge: _badness(edge, now))
     rows = [_HEADINGS, *(_edge_row(edge, now) for edge in ordered)]
     if not any(row[1] for row in rows[1:]):
         rows = [(row[0], *row[2:]) for row in rows]
@@ -88,10 +101,10 @@ def _edge_row(edge: SeenEdge, now: float) -> tuple[str, ...]:
     )
 
 
-def _badness(edge: SeenEdge, now: float) -> tuple[int, int]:
+def _badness(edge: SeenEdge, now: float) -> tuple[int, int, str]:
     """Return what edges are ordered by."""
     level = LEVELS[edge.summary.health] if edge.summary else 0
-    return _REACHES.index(edge.reach(now)), -level
+    return _REACHES.index(edge.reach(now)), -level, edge.edge
 
 
 def _counted(found: Mapping[str, int], word: str, order: Iterable[str]) -> str:
@@ -117,15 +130,6 @@ def _fitted(causes: Sequence[list[str]], room: int | None) -> list[str]:
         return [line for cause in causes for line in cause]
     number = max((room - 1) // 2, 1)
     return [*(line for cause in causes[:number] for line in cause), _missing(len(causes) - number, "cause")]
-
-
-def _first(table: list[str], room: int | None) -> list[str]:
-    """Return the first lines of a table, and how many edges are missing."""
-    if room is None or len(table) <= room:
-        return table
-    if room < 3:  # a heading, one edge and the number of the others
-        return [_missing(len(table) - 1, "edge")]
-    return [*table[: room - 1], _missing(len(table) - room + 1, "edge")]
 
 
 def _missing(number: int, word: str) -> str:
