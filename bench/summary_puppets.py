@@ -55,7 +55,9 @@ class PuppetEdge:
     def __init__(self, name, router, scheduler, loop):
         self._robots = [PuppetRobot(f"rover-{number}", name) for number in range(ROBOTS)]
         settings = BusSettings(name, connect=(router,))
-        self.session = joined(zenoh_settings(settings, mode="client", listen=(), connect=settings.connect))
+        here = zenoh_settings(settings, mode="client", listen=(), connect=settings.connect)
+        # Hundreds join at once on one computer, which is late for all of them.
+        self.session = joined(here | {"transport/unicast/open_timeout": 10_000})
         site = f"site-{int(name.rpartition('-')[2]) // 10}"
         summaries = Summaries(self, EdgeConfig(id=name, site=site), SystemClock())
         summaries.declare(self.session, scheduler, loop.call_soon_threadsafe)

@@ -61,7 +61,7 @@ class SiteLook:
     "port",
     metavar="PORT",
     type=FIGURES_PORT,
-    help="Also serve the figures for Prometheus on this local port.",
+    help="Also serve the figures for Prometheus on this local port; without a terminal nothing else.",
 )
 @reach_option
 @with_output
@@ -90,7 +90,8 @@ def top(
         for found in _looks(watch, file, site=site):
             if metrics is not None:
                 metrics.take(found.edges)
-            _show(out, found, everything=everything)
+            if metrics is None or out.as_json or out.height is not None:
+                _show(out, found, everything=everything)
 
 
 def look_once(out: Output, file: str | None, *, site: bool, everything: bool) -> None:

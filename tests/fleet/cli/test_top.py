@@ -1,4 +1,9 @@
+import contextlib
 import json
+import signal
+import subprocess
+import sys
+import urllib.error
 import urllib.request
 
 import pytest
@@ -199,3 +204,21 @@ def test_top_serves_them_while_it_runs(terminal, play_edge, runtime, free_port):
     assert scraped(free_port)["fleet_edge_up", "edge-b", "up"] == 1
     shown.interrupt()
     shown.ended()
+
+
+def test_without_a_terminal_it_only_serves_them(place, play_edge, runtime, free_port):
+    play_edge("edge-b").summarises()
+    command = [sys.executable, "-m", "fleet", "top", "--metrics", str(free_port)]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as running:
+        try:
+            wait_until("it serves", lambda: is_served(free_port))
+        finally:
+            running.send_signal(signal.SIGINT)
+            said, _ = running.communicate(timeout=60)
+    assert said == ""
+
+
+def is_served(port):
+    with contextlib.suppress(urllib.error.URLError):
+        return scraped(port).get(("fleet_edge_up", "edge-b", "up")) == 1
+    return False
