@@ -1,13 +1,12 @@
 """Edges of twenty robots, without the robots: ``python -m bench.summary_puppets FIRST NUMBER ENDPOINT``.
 
-With ``router ENDPOINT`` it is the router that they join. Each edge has a session of its own, and what an edge
-shows at this level: its token and its summaries, made and sent by the code of an edge. A line ``EDGE WORDS``
-on standard input gives its first robot a fault with these words as the cause, and is answered with the
-monotonic second; without words the fault ends.
+With ``router ENDPOINT`` it is the router that they join. Ten edges are a site with one session, as the router
+of a site has. Each shows what an edge shows at this level: its token and its summaries, made and sent by the
+code of an edge. A line ``EDGE WORDS`` on standard input gives its first robot a fault with these words as the
+cause, and is answered with the monotonic second; without words the fault ends.
 """
 
 import asyncio
-import contextlib
 import gc
 import resource
 import sys
@@ -18,13 +17,13 @@ from fleet.bus.settings import BusSettings, zenoh_settings
 from fleet.bus.zenoh_session import ZenohSession
 from fleet.clock import SystemClock
 from fleet.config.schema import EdgeConfig
-from fleet.errors import BusError
 from fleet.host.edge.summaries import Summaries
 from fleet.host.runtime.tick_scheduler import TickScheduler
 from fleet.model.health import Health
 from fleet.model.state import RobotState
 
 ROBOTS = 20
+OF_A_SITE = 10  # edges that share a session
 
 
 class PuppetRobot:
@@ -52,16 +51,12 @@ class PuppetRobot:
 class PuppetEdge:
     """An edge with puppets for robots."""
 
-    def __init__(self, name, router, scheduler, loop):
+    def __init__(self, name, session, scheduler, loop):
         self._robots = [PuppetRobot(f"rover-{number}", name) for number in range(ROBOTS)]
-        settings = BusSettings(name, connect=(router,))
-        here = zenoh_settings(settings, mode="client", listen=(), connect=settings.connect)
-        # Hundreds join at once on one computer, which is late for all of them.
-        self.session = joined(here | {"transport/unicast/open_timeout": 10_000})
-        site = f"site-{int(name.rpartition('-')[2]) // 10}"
+        site = f"site-{int(name.rpartition('-')[2]) // OF_A_SITE}"
         summaries = Summaries(self, EdgeConfig(id=name, site=site), SystemClock())
-        summaries.declare(self.session, scheduler, loop.call_soon_threadsafe)
-        self.session.token(keys.edge(name))
+        summaries.declare(session, scheduler, loop.call_soon_threadsafe)
+        session.token(keys.edge(name))
 
     def robots(self):
         return self._robots
@@ -73,13 +68,12 @@ class PuppetEdge:
         self._robots[0].fault = fault
 
 
-def joined(settings, tries=5):
-    """Open a session; the router may be late with its answer, and an edge would try again, too."""
-    for _ in range(tries):
-        with contextlib.suppress(BusError):
-            return ZenohSession(settings)
-        print("the router does not answer in time; again", file=sys.stderr, flush=True)
-    sys.exit("the router does not answer")
+def joined(name, router):
+    """Open the session of a site, as its router has one to the router above."""
+    settings = BusSettings(name, connect=(router,))
+    here = zenoh_settings(settings, mode="client", listen=(), connect=settings.connect)
+    # Many join at once on one computer, which is late for all of them.
+    return ZenohSession(here | {"transport/unicast/open_timeout": 10_000})
 
 
 async def main(first, number, router):
@@ -87,7 +81,9 @@ async def main(first, number, router):
     scheduler = TickScheduler(loop, SystemClock())
     edges = {}
     for each in range(first, first + number):
-        edges[f"edge-{each}"] = PuppetEdge(f"edge-{each}", router, scheduler, loop)
+        if not len(edges) % OF_A_SITE:
+            session = joined(f"site-{each}", router)
+        edges[f"edge-{each}"] = PuppetEdge(f"edge-{each}", session, scheduler, loop)
         await asyncio.sleep(1 / number)  # their looks are spread over the second, as those of real edges
     scheduler.start()
     gc.freeze()
