@@ -79,11 +79,11 @@ def joined(name, router):
 async def main(first, number, router):
     loop = asyncio.get_running_loop()
     scheduler = TickScheduler(loop, SystemClock())
-    edges = {}
+    edges, sessions = {}, []
     for each in range(first, first + number):
         if not len(edges) % OF_A_SITE:
-            session = joined(f"site-{each}", router)
-        edges[f"edge-{each}"] = PuppetEdge(f"edge-{each}", session, scheduler, loop)
+            sessions.append(joined(f"site-{each}", router))  # kept: one that nobody has is closed
+        edges[f"edge-{each}"] = PuppetEdge(f"edge-{each}", sessions[-1], scheduler, loop)
         await asyncio.sleep(1 / number)  # their looks are spread over the second, as those of real edges
     scheduler.start()
     gc.freeze()

@@ -308,7 +308,7 @@ def test_every_key_of_the_fleet_is_given_to_somebody_or_kept():
     decided = {"edge", "robot", "claim", "claims", "command", "holders", "places", "state", "worker"}
     decided |= {"heartbeat", "halt", "health", "stop", "held", "video", "history", "description"}
     decided |= {"prepare", "starts", "starting", "schedules"}
-    decided |= {"mission", "run", "reload", "coordinator", "as_console", "changes", "frames"}
+    decided |= {"mission", "run", "reload", "coordinator", "as_console", "changes", "frames", "summary"}
     assert {name for name, _ in inspect.getmembers(keys, inspect.isfunction)} == decided
 
 
