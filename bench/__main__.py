@@ -18,6 +18,7 @@ NAMES = (
     "together",
     "pad",
     "record",
+    "fleet_view",
     "soak",
     "dog_picture",
 )

@@ -50,6 +50,7 @@ WANTED: Mapping[str, Program] = {
     "mosquitto": Program("mosquitto", "usr/sbin/mosquitto", "-h"),
     "mosquitto_pub": Program("mosquitto-clients", "usr/bin/mosquitto_pub", "--help"),
     "openssl": Program("openssl", "usr/bin/openssl", "version", {"OPENSSL_CONF": "etc/ssl/openssl.cnf"}),
+    "promtool": Program("prometheus", "usr/bin/promtool", "--version"),
     "systemd-analyze": Program("systemd", "usr/bin/systemd-analyze", "--version"),
 }
 

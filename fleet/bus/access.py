@@ -92,6 +92,7 @@ _COMMON = (
     _Rule(_ALL, ("**",), flow="egress"),
     _Rule(_LISTEN, ("**",)),
     _Rule(("query",), ("fleet/*/robots/*/state", _DESCRIPTION, "fleet/*/health", _REPORTS)),
+    _Rule(("query",), (keys.summary("*"),)),
 )
 """Rules of every role: subscribe to everything, and query states."""
 

@@ -21,6 +21,7 @@ key                                    what
 ``fleet/{edge}/frames/{process}``      publication: bytes on the links of a process, while somebody records
 ``fleet/{edge}/holders``               publication: other holders of the edge's twins, seen in the cloud
 ``fleet/{edge}/health``                publication, and query for the last: the edge's state
+``fleet/{edge}/summary``               publication, and query for the last: the edge in 1 kB at the most
 ``fleet/{edge}/schedules``             query: list its schedules, switch one, or start it now
 ``fleet/{edge}/changes``               query: read fleet.yaml again, and tell or take over what has changed
 ``fleet/{edge}/history``               query: events of its robots, with the senders of requests
@@ -150,6 +151,11 @@ def held(edge_id: str) -> str:
 def health(edge_id: str) -> str:
     """Return the key of an edge's own state."""
     return f"fleet/{edge_id}/health"
+
+
+def summary(edge_id: str) -> str:
+    """Return the key of an edge's summary, for the view of a site or a fleet; ``*`` is every edge."""
+    return f"fleet/{edge_id}/summary"
 
 
 def history(edge_id: str) -> str:

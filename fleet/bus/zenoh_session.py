@@ -292,6 +292,10 @@ class ZenohSession:
 
         return take_back
 
+    def tokens(self, key: str, *, timeout: float) -> list[str]:
+        """Return the keys of the tokens that live now; waits for everybody, up to ``timeout`` s."""
+        return [key for key, _ in _answers(self._session.liveliness().get(key, timeout=timeout))]
+
     def watch_tokens(self, key: str, call: Callable[[str, bool], None]) -> None:
         """Call ``call`` with each token's key and whether it lives: for existing tokens, then each change."""
 

@@ -14,6 +14,7 @@ from typing import NamedTuple
 
 from fleet.cli.output import GAP, counted
 from fleet.config.text import printable
+from fleet.health.causes import folded, without_name
 from fleet.model.health import Level
 from fleet.model.state import EdgeState, RobotState
 
@@ -23,7 +24,6 @@ EDGES_SHOWN = 4  # on a screen; the rest is counted
 LONGEST = 3  # lines of a remark, or of an edge, on a screen
 SHORTEST_CELL = 8  # columns that are left for a cut last column
 LEVELS = {level.word: level for level in Level}
-_FIGURE = re.compile(r"\d+(?:\.\d+)?(?= ?(?:s|ms|min|h|%|m|V)\b)")
 _NUMBER = re.compile(r"(\d+)")
 
 
@@ -257,14 +257,14 @@ def remarks(states: Sequence[RobotState], names: Sequence[str]) -> list[str]:
 
     Words are equal that differ in measured figures, or in the robot's own name, alone.
     """
-    folded: dict[str, list[tuple[str, str, str]]] = {}
+    groups: dict[str, list[tuple[str, str, str]]] = {}
     for name, state in zip(names, states, strict=True):
         for text in _remarks(state):
-            common = re.sub(rf"(?<![\w-]){re.escape(state.name)}(?![\w-])", "ROBOT", text)
-            folded.setdefault(_FIGURE.sub("#", common), []).append((name, text, common))
+            common = without_name(text, state.name)
+            groups.setdefault(folded(common), []).append((name, text, common))
     return [
         f"{_listed([name for name, _, _ in same])}: {same[0][1] if len(same) == 1 else same[0][2]}"
-        for same in folded.values()
+        for same in groups.values()
     ]
 
 

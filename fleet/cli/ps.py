@@ -12,6 +12,7 @@ import msgspec
 from fleet.cli.options import reach_option
 from fleet.cli.output import Output, with_output
 from fleet.cli.overview import overview
+from fleet.cli.top import look_once
 from fleet.client.edges import Edges
 from fleet.errors import FleetError, NotRunning
 from fleet.model.state import EdgeState, RobotState
@@ -30,9 +31,11 @@ class FleetState(msgspec.Struct, frozen=True):
 @click.command()
 @click.option("--all", "everything", is_flag=True, help="Show everything, also beyond the screen.")
 @click.option("--watch", is_flag=True, help="Look again every second until Ctrl-C; a JSON line each.")
+@click.option("--site", "wide", flag_value="site", help="Show the edges of this site, by cause.")
+@click.option("--fleet", "wide", flag_value="fleet", help="Show all edges that routers reach, by cause.")
 @reach_option
 @with_output
-def ps(out: Output, *, everything: bool, watch: bool, file: str | None) -> None:
+def ps(out: Output, *, everything: bool, watch: bool, wide: str | None, file: str | None) -> None:
     """Show the running robots and their health.
 
     Asks every edge that runs on this machine, or the edge of the fleet file. The worst health comes first; a
@@ -41,7 +44,15 @@ def ps(out: Output, *, everything: bool, watch: bool, file: str | None) -> None:
     SIM is sim for a simulated robot (its link begins with sim:), else real. SITE or POSITION is x y z in
     metres, in the site's frame; "own" marks one in the robot's own frame. AGE is the time since the robot's
     last message.
+
+    With --site or --fleet one line for each cause of trouble instead, the oldest first, and one for each
+    edge; `fleet top` shows the same live.
     """
+    if wide and watch:
+        raise click.UsageError("--watch shows robots; fleet top shows a site or a fleet live")
+    if wide:
+        look_once(out, file, site=wide == "site", everything=everything)
+        return
     if watch:
         _watch(out, file, everything=everything)
         return

@@ -46,13 +46,13 @@ class UnknownRobot(Refused):
 class Edges:
     """The edges that can be reached: all that run on this machine, or the one of a fleet file.
 
-    ``joined`` are those that let us in, ``unreached`` says in words which of them run but let nobody in.
+    ``joined`` are those that let us in by their control ``sessions``, ``unreached`` says in words which of them run but let nobody in.
     """
 
     def __init__(self, bus_sessions: Mapping[str, ZenohSession], unreached: list[str]) -> None:
         self.unreached = unreached
         self.joined = tuple(bus_sessions)
-        self._lanes = tuple(bus_sessions.values())
+        self.sessions = tuple(bus_sessions.values())
         self._ways: dict[tuple[str, str], ZenohSession] = {}
 
     @classmethod
@@ -83,7 +83,7 @@ class Edges:
         return self
 
     def __exit__(self, *_: object) -> None:
-        for bus_session in self._lanes:
+        for bus_session in self.sessions:
             bus_session.close()
 
     def states(self) -> list[RobotState]:
@@ -175,7 +175,7 @@ class Edges:
     def reload(self, edge: str, worker: str, adapter: str, *, within: float) -> Reply | None:
         """Ask a worker to take the changed drop-in file of an adapter into use; None when nobody answers."""
         key = keys.reload(edge, worker)
-        asked = [bus_session.ask(key, adapter.encode(), timeout=within) for bus_session in self._lanes]
+        asked = [bus_session.ask(key, adapter.encode(), timeout=within) for bus_session in self.sessions]
         return next((reply for answers in asked for _, reply in decoded(answers, Reply)), None)
 
     def schedules(self) -> list[tuple[str, ScheduleState]]:
@@ -238,7 +238,7 @@ class Edges:
     ) -> T:
         """Ask one edge, by whichever way reaches it; raises TimedOut without an answer."""
         payload = msgspec.json.encode(asked)
-        for bus_session in self._lanes:
+        for bus_session in self.sessions:
             for _, found in decoded(
                 bus_session.ask(key, payload, timeout=within, parameters=parameters), kind
             ):
@@ -249,7 +249,9 @@ class Edges:
         self, key: str, kind: type[T], payload: bytes = b"", within: float = ANSWER_WITHIN
     ) -> Iterator[tuple[ZenohSession, str, T]]:
         """Ask all at once; yield what everyone answers on a key, by which session and on which key."""
-        asked = [(bus_session, bus_session.ask(key, payload, timeout=within)) for bus_session in self._lanes]
+        asked = [
+            (bus_session, bus_session.ask(key, payload, timeout=within)) for bus_session in self.sessions
+        ]
         for bus_session, answers in asked:
             for answered, answer in decoded(answers, kind):
                 yield bus_session, answered, answer
@@ -301,3 +303,12 @@ def settings_of(file: str) -> BusSettings:
     from fleet.host.process.component_settings import bus_settings  # noqa: PLC0415
 
     return bus_settings(sections_of(file))
+
+
+def site_of(file: str | None) -> str | None:
+    """Return the site of a fleet file's edge; None without a file: that of the edges here."""
+    if file is None:
+        return None
+    from fleet.config.load import sections_of  # noqa: PLC0415 - pydantic is not needed without a file
+
+    return sections_of(file).edge.site or ""

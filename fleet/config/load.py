@@ -200,16 +200,19 @@ def sections_of(path: str | os.PathLike[str], environ: Mapping[str, str] | None 
         raise InvalidConfig(document.problems)
     cloud_from_environment(document, environ)
     choose_edge(document, environ)
-    sections = _sections(document, {"folder": file.parent})
+    document.data.pop("robots", None)  # who only looks at edges needs none
+    sections = _sections(document, {"folder": file.parent}, Sections)
     if sections is None or _is_fatal(document.problems):
         raise InvalidConfig(document.problems)
     return sections
 
 
-def _sections(document: Document, context: Mapping[str, object]) -> Sections | None:
+def _sections(
+    document: Document, context: Mapping[str, object], kind: type[Sections] = _Outline
+) -> Sections | None:
     """Return all but the robots; None after reporting what is wrong."""
     known = {key: value for key, value in document.data.items() if not key.startswith("x-")}
-    return validated(_Outline, known, (), document, context)
+    return validated(kind, known, (), document, context)
 
 
 def _is_fatal(problems: Iterable[Problem]) -> bool:

@@ -88,6 +88,7 @@ class EdgeConfig(Model):
     """The computer that this file is for."""
 
     id: Name = Field(description="The edge's name on the bus; no two edges of a site share it.")
+    site: Name | None = Field(None, description="Its site in `fleet top`; edges of one site share it.")
     spool: SpoolConfig = Field(SpoolConfig(), description="What outlives the edge, on its disk.")
     history: HistoryConfig = Field(HistoryConfig(), description="Who commanded what; `fleet history`.")
 

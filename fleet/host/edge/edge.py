@@ -32,6 +32,7 @@ from fleet.host.edge.notifier import Notifier
 from fleet.host.edge.renamed import carry_stops
 from fleet.host.edge.schedules import EdgeSchedules
 from fleet.host.edge.standby import open_gate, part_in_pair
+from fleet.host.edge.summaries import Summaries
 from fleet.host.edge.worker_robots import remote_robots, worker_managers
 from fleet.host.journal.stores import history_bounds, open_stores
 from fleet.host.process.common_start import take_starts
@@ -167,6 +168,7 @@ class Edge:
             configured=(*self.missions.configured, self.schedules.configure, self._configure),
             hindrance=self.missions.hindrance,
         )
+        self.summaries = Summaries(self, config.edge, clock)
         self.beside: Callable[[], str] = str  # what is wrong with programs beside it, as the console
 
     async def run(self, ended: asyncio.Event) -> None:
@@ -245,19 +247,8 @@ class Edge:
 
     def state(self) -> EdgeState:
         """Return the edge's own state: its robots rolled up, its bus, its cloud, its host."""
-        states = self.states()
-        cloud = self.bridge.health if self.bridge else Health()
-        kept = (self.process.journal.problem, self.process.history.problem, self.missions.problem)
-        metrics = self._metrics_port.problem if self._metrics_port else ""
-        claims, expiry = self.cloud_claims.problem, self._expiry.problem
-        busy = self.process.starvation.problem
-        inputs, schedules = self._stop_inputs.problem, self.schedules.problem
-        problems = (
-            *(self.bus.problem, *kept, schedules, inputs, metrics, expiry, claims, busy),
-            self._pair.problem,
-            self.beside(),
-        )
-        health = edge_health(states, [cloud, *map(degraded, problems)])
+        states, services = self.states(), self.services()
+        health, cloud = edge_health(states, services), services[0]
         load, bridge = read_load(), self.bridge
         stats = bridge.client.stats if bridge else None
         return EdgeState(
@@ -268,7 +259,7 @@ class Edge:
             health=health.level.word,
             cause=health.cause,
             robots=robots_by_health(states),
-            bus="alone" if problems[0] else "ok",
+            bus="alone" if self.bus.problem else "ok",
             cloud=self.bridge.client.state.value if self.bridge else "none",
             cloud_cause=cloud.cause,
             queued=stats.queued if stats else 0,
@@ -287,6 +278,17 @@ class Edge:
             pair=self._pair.role,
             epoch=self._pair.epoch,
         )
+
+    def services(self) -> list[Health]:
+        """Return the health of what the edge itself rests on, the cloud first."""
+        cloud = self.bridge.health if self.bridge else Health()
+        kept = (self.process.journal.problem, self.process.history.problem, self.missions.problem)
+        metrics = self._metrics_port.problem if self._metrics_port else ""
+        claims, expiry = self.cloud_claims.problem, self._expiry.problem
+        busy = self.process.starvation.problem
+        inputs, schedules = self._stop_inputs.problem, self.schedules.problem
+        problems = (self.bus.problem, *kept, schedules, inputs, metrics, expiry, claims, busy)
+        return [cloud, *map(degraded, (*problems, self._pair.problem, self.beside()))]
 
     def _dropped(self) -> int:
         """Return how many messages were lost on the way out, at the robots, the bridge or the cloud."""
@@ -350,6 +352,7 @@ class Edge:
                 health.put(msgspec.json.encode(self.state()))
 
         self.process.scheduler.every(HEALTH_EVERY, tell_health)
+        self.summaries.declare(self.bus.control, self.process.scheduler, self._soon)
         if self.remote and self.bridge is not None:  # again and again: a worker may be started anew
             self.process.scheduler.every(HEALTH_EVERY, self.cloud_claims.tell_workers)
         if self.remote and self._config.stop_inputs:

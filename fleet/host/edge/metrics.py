@@ -19,6 +19,8 @@ from prometheus_client.registry import Collector
 
 from fleet.bridge.bridge import Bridge
 from fleet.errors import MetricsError
+from fleet.health.metrics import summary_metrics
+from fleet.host.edge.summaries import Summaries
 from fleet.model.state import EdgeState, RobotState
 from fleet.spool.statistics import SpoolStatistics
 from fleet.wire.rules import TrafficClass
@@ -30,6 +32,7 @@ class MetricsSource(Protocol):
     """What the figures are read from: the edge."""
 
     bridge: Bridge | None
+    summaries: Summaries
 
     def state(self) -> EdgeState:
         """Return the edge's own state."""
@@ -76,6 +79,8 @@ class Metrics(Collector):
         """Yield every figure, now."""
         yield from _robots(self._edge.states())
         yield from _edge(self._edge.state())
+        newest = self._edge.summaries.newest
+        yield from summary_metrics([newest] if newest is not None else [])
         bridge = self._edge.bridge
         if bridge is not None:
             yield from _outward(bridge)

@@ -60,7 +60,7 @@ class RemoteRobot:
         self.source_type = config.source_type
         self.legacy_status = config.legacy_status
         self.worker = worker
-        self._config = config
+        self.config = config
         self._edge = edge
         self._control = control
         self._clock = clock
@@ -89,7 +89,7 @@ class RemoteRobot:
 
     def configure(self, config: AdapterConfig) -> None:
         """Take over what its worker runs with from now on."""
-        self._config = config
+        self.config = config
 
     @property
     def in_use(self) -> bool:
@@ -178,7 +178,7 @@ class RemoteRobot:
             self.emergency(StopCause(requester_of(ask.origin), request=request_of(ask)))
         if isinstance(ask, Command) and ask.flaw:
             return Request(partial(self._hand_over_stop, ask, parameters), stops=True)
-        until = self._arrival() + max_wait(ask, self._config)
+        until = self._arrival() + max_wait(ask, self.config)
         take = partial(self._hand_over, ask.name, payload, parameters, until)
         return Request(take, is_stop(ask), is_discrete(ask))
 

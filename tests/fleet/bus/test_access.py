@@ -48,6 +48,8 @@ PUT = {
     "fleet/yard/runs/3f2a": {"hub"},
     "fleet/barn/runs/3f2a": {"barn", "hub"},
     "fleet/barn/health": {"barn", "hub"},
+    "fleet/yard/summary": {"hub"},
+    "fleet/barn/summary": {"barn", "hub"},
     "fleet/barn/robots/max/state": {"barn", "hub"},
     "fleet/yard/stop": {*ROLES, STRANGER},
     "fleet/*/stop": {*ROLES, STRANGER},
@@ -70,6 +72,7 @@ ASK = {
     "fleet/yard/starts": {"desk", "hub"},
     "fleet/yard/robots/rex/state": set(ROLES),
     "fleet/yard/health": set(ROLES),
+    "fleet/yard/summary": set(ROLES),
     f"cw/{OURS}/data/position": set(ROLES),
     "fleet/yard/stop": {*ROLES, STRANGER},
     "fleet/yard/robots/rex/video": {"arms", "hub"},
@@ -102,6 +105,8 @@ ANSWER = {
     "fleet/yard/robots/max/description": {"arms", "hub"},
     "fleet/yard/health": {"hub"},
     "fleet/barn/health": {"barn", "hub"},
+    "fleet/yard/summary": {"hub"},
+    "fleet/barn/summary": {"barn", "hub"},
     f"cw/{OURS}/data/gps": {"arms", "hub"},
     f"cw/{OURS}/data/pointcloud": {"planner", "arms", "hub"},
 }
@@ -305,6 +310,7 @@ def test_every_key_of_the_fleet_is_given_to_somebody_or_kept():
     decided |= {"heartbeat", "halt", "health", "stop", "held", "video", "history", "description"}
     decided |= {"prepare", "starts", "starting", "schedules"}
     decided |= {"mission", "run", "reload", "coordinator", "as_console", "changes", "frames", "failover"}
+    decided |= {"summary"}
     assert {name for name, _ in inspect.getmembers(keys, inspect.isfunction)} == decided
 
 

@@ -24,6 +24,7 @@ from fleet.bus.bus import open_edge
 from fleet.bus.settings import BusSettings
 from fleet.cli.main import main
 from fleet.model.state import EdgeState, RobotState
+from fleet.model.summary import Summary, encode
 from fleet.testing.waiting import DEADLINE
 
 TOY = """
@@ -148,6 +149,17 @@ class PlayedEdge:
     def tells(self, key, value):
         """Answer a question on a key with a value."""
         self._control.answer(key, self._event_reporter(msgspec.json.encode(value)))
+
+    def summarises(self, *troubles, site="", robots=None, version="1.0", publish=False):
+        """Tell a summary to whoever asks, and publish it once if that is wanted."""
+        told = Summary(
+            self.edge, version, time.time(), 5.0, site, robots=robots or {"ok": 20}, troubles=troubles
+        )
+        if publish:
+            self._control.put(keys.summary(self.edge), encode(told))
+        else:
+            self._control.answer(keys.summary(self.edge), self._event_reporter(encode(told)))
+        return self
 
     def sees(self, other):
         """Wait until another edge is seen."""

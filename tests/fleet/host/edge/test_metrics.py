@@ -12,6 +12,7 @@ from fleet.errors import MetricsError
 from fleet.host.edge.metrics import Metrics
 from fleet.model.command import Reply, ReplyStatus, Request
 from fleet.model.state import EdgeState, RobotState
+from fleet.model.summary import Summary, Trouble
 from fleet.spool.message import Outgoing
 from fleet.wire.rulebook import of_a_twin, rulebook
 from fleet.wire.rules import TrafficClass
@@ -27,8 +28,18 @@ class Rex:
         return Request(lambda answer: answer(Reply("takeoff", ReplyStatus.DENIED, "no GPS")))
 
 
+class Summarised:
+    newest = Summary(
+        *("yard-1", "0", 100.0, 5.0),
+        robots={"ok": 1},
+        troubles=(Trouble("offline", "silent for 3 s", 90.0, 2, "ugv", "can:can0", ("a", "b")),),
+    )
+
+
 class FakeEdge:
     """An edge whose bridge has carried a few things."""
+
+    summaries = Summarised
 
     def __init__(self):
         self.bridge = Bridge(
@@ -92,6 +103,9 @@ def test_a_scraper_reads_what_was_carried_by_class_and_refused_by_reason(metrics
     assert seen["fleet_command_latency_seconds_bucket", "+Inf", "rex"] == 1
     assert seen["fleet_robot_up", "ok", "rex"] == 1
     assert seen["fleet_robot_battery_percent", "rex"] == 50
+    assert seen["fleet_edge_robots", "yard-1", "ok"] == 1
+    assert seen["fleet_edge_robots", "yard-1", "fault"] == 0
+    assert seen["fleet_trouble_robots", "silent for # s", "yard-1", "ugv", "offline", "can:can0"] == 2
     assert seen["fleet_cloud_window_messages",] == 0
     assert ("fleet_cloud_round_trip_seconds",) not in seen, "unknown is no zero"
 

@@ -1,0 +1,88 @@
+"""The edges that were ever seen on a bus, on this user's disk: one that is gone is shown until forgotten."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Iterable, Mapping
+from pathlib import Path
+
+import msgspec
+
+from fleet.bus.settings import client_dirs
+from fleet.errors import StateError, StateNewer
+from fleet.health.rollup import SeenEdge
+from fleet.runtime.decoding import decode_json
+from fleet.runtime.state_format import refuse_newer
+from fleet.spool.state_folder import locked, made, state_folder
+
+Edges = dict[str, SeenEdge]
+
+FILE = "seen-edges.json"
+FORMAT = 1
+LOCK_WITHIN = 5.0  # s; another view has the file for a moment only
+
+
+class _Kept(msgspec.Struct, frozen=True):
+    """The file: the edges by bus."""
+
+    format: int
+    buses: dict[str, Edges]
+
+
+class _Format(msgspec.Struct, frozen=True):
+    format: int
+
+
+class SeenEdges:
+    """The file's part for one bus: that of a fleet file, or of the edges of this computer."""
+
+    def __init__(self, file: str | None, environ: Mapping[str, str] = os.environ) -> None:
+        self._path = state_folder("edge", environ=environ).parent / FILE
+        self._bus = str(Path(file).resolve()) if file else str(client_dirs(environ)[0])
+
+    def read(self) -> Edges:
+        """Return the edges as they were seen last; raises StateError for a file that cannot be read."""
+        return self._buses().get(self._bus, {})
+
+    def keep(self, edges: Iterable[SeenEdge]) -> None:
+        """Write how edges were seen last, beside those that others saw; raises StateError."""
+        found = {edge.edge: edge for edge in edges}
+        self._change(lambda known: known | found)
+
+    def forget(self, edge: str) -> bool:
+        """Leave an edge out from now on; return False when it was not known. Raises StateError."""
+        known = edge in self.read()
+        self._change(lambda edges: {name: each for name, each in edges.items() if name != edge})
+        return known
+
+    def _change(self, change: Callable[[Edges], Edges]) -> None:
+        """Write the file with a change of our part."""
+        made(self._path.parent)
+        with locked(self._path, within=LOCK_WITHIN):
+            buses = self._buses()
+            buses = {**buses, self._bus: change(buses.get(self._bus, {}))}
+            new = self._path.with_suffix(".new")
+            try:
+                new.write_bytes(msgspec.json.encode(_Kept(FORMAT, buses)))
+                new.replace(self._path)
+            except OSError as error:
+                raise StateError(f"cannot write {self._path}: {error.strerror}") from None
+
+    def _buses(self) -> dict[str, Edges]:
+        """Return what the file has."""
+        try:
+            data = self._path.read_bytes()
+        except FileNotFoundError:
+            return {}
+        except OSError as error:
+            raise StateError(f"cannot read {self._path}: {error.strerror}") from None
+        try:
+            refuse_newer(decode_json(data, _Format).format, FORMAT)
+            return decode_json(data, _Kept).buses
+        except StateNewer as error:
+            raise StateError(f"{self._path}: {error}") from None
+        except msgspec.DecodeError as error:
+            raise StateError(
+                f"{self._path} cannot be read ({error}); remove it, and edges that are gone "
+                "are no longer known"
+            ) from None
