@@ -137,20 +137,28 @@ class WatchedVehicle:
 
 
 def stops_of(vehicle: Vehicle) -> list[CommandLong]:
-    """Return the commands that brake and hold a vehicle as it moves now."""
+    """Return the commands that brake and hold a vehicle as it moves now.
+
+    A place to hold at is not among them: with another place the same command would move it.
+    """
     kind: VehicleKind | None = vehicle.kind
     if kind is None:
         return []
-    stops = [brake.ask for brake in kind.brakes(vehicle.state)]
-    return [*stops, kind.mode_command(kind.hold)] if isinstance(kind, Flavour) else stops
+    asks = (brake.ask for brake in kind.brakes(vehicle.state))
+    stops = [ask for ask in asks if isinstance(ask, CommandLong)]
+    if isinstance(kind, Flavour) and isinstance(kind.hold_command(vehicle.state), CommandLong):
+        stops.append(kind.mode_command(kind.hold))
+    return stops
 
 
 def ways_down_of(vehicle: Vehicle) -> list[CommandLong]:
-    """Return the changes to the modes in which a vehicle lands, or returns home."""
+    """Return the commands by which a vehicle lands, or returns home."""
     kind = vehicle.kind
     if not isinstance(kind, Flavour):
         return []
-    return [kind.mode_command(mode) for mode in (kind.land, kind.return_home) if mode]
+    ways = [kind.land_command()] if kind.land else []
+    ways += [kind.mode_command(kind.return_home)] if kind.return_home else []
+    return [ask for ask in ways if isinstance(ask, CommandLong)]
 
 
 def _why_nobody(message: Any) -> str:

@@ -18,7 +18,6 @@ import msgspec
 from pydantic import ConfigDict, Field
 
 from fleet.config.checks import (
-    Identity,
     check_bus,
     check_consoles,
     check_followers,
@@ -37,7 +36,7 @@ from fleet.config.drop_in import DropInConfig, asked
 from fleet.config.environment import cloud_from_environment
 from fleet.config.explain import validated, validated_with
 from fleet.config.groups import check_groups, contradiction, said_by_groups
-from fleet.config.identity import identity_of
+from fleet.config.identity import Identity, identity_of
 from fleet.config.known import known_of
 from fleet.config.mission_ways import check_ways
 from fleet.config.missions import Mission, check_missions
