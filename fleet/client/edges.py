@@ -46,7 +46,8 @@ class UnknownRobot(Refused):
 class Edges:
     """The edges that can be reached: all that run on this machine, or the one of a fleet file.
 
-    ``joined`` are those that let us in by their control ``sessions``, ``unreached`` says in words which of them run but let nobody in.
+    ``joined`` are those that let us in, by their control ``sessions``; ``unreached`` says in words which of
+    them run but let nobody in.
     """
 
     def __init__(self, bus_sessions: Mapping[str, ZenohSession], unreached: list[str]) -> None:
