@@ -25,7 +25,7 @@ from fleet_mavlink.flight import Flight
 from fleet_mavlink.messages import CommandLong, MissionCurrent, MissionItemReached
 from fleet_mavlink.mission_messages import MissionItemInt
 from fleet_mavlink.plans import Plans, PlanType
-from fleet_mavlink.preconditions import home_unknown, require_control
+from fleet_mavlink.preconditions import home_unknown, require_control, require_has
 from fleet_mavlink.takeoff import TakeOff
 from fleet_mavlink.turns import Superseded
 from fleet_mavlink.wings import Winged
@@ -138,6 +138,7 @@ class MissionPilot:
 
     async def fly(self, mission: FlyMission) -> AsyncIterator[Progress]:
         """Send a mission and fly it to its end, or go on with it; everything is checked before it is sent."""
+        require_has(self._vehicle, "plan")
         require_control(self._vehicle, self._flight.authority)
         flavour = self._flight.flavour
         home = self._home(mission)

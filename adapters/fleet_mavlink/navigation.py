@@ -39,6 +39,7 @@ from fleet_mavlink.preconditions import (
     known_position,
     not_armed,
     require_connection,
+    require_has,
     require_movable,
 )
 from fleet_mavlink.state import VehicleState
@@ -184,6 +185,7 @@ class AutopilotNavigator:
 
     async def carry_out(self, task: Way, origin: GeoOrigin) -> AsyncIterator[Progress]:
         """Fly a task; everything is checked before anything is sent. Raises when it cannot be done."""
+        require_has(self._vehicle, "goto")
         require_movable(self._vehicle, self._flight.authority)
         self._require_no_takeoff()
         here = known_position(self._vehicle)
@@ -215,6 +217,7 @@ class AutopilotNavigator:
 
     async def fly_to(self, point: GeoPoint) -> AsyncIterator[Progress]:
         """Fly to one place (altitude AMSL), keeping the heading; raises as ``carry_out`` does."""
+        require_has(self._vehicle, "goto")
         require_movable(self._vehicle, self._flight.authority)
         here = known_position(self._vehicle)
         async for progress in self._fly_all((NavigationTarget(point, None, 0.0),), here, Constraints()):
