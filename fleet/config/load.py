@@ -59,10 +59,9 @@ class Loaded(msgspec.Struct, frozen=True):
     """A fleet that can run.
 
     ``robots`` pairs each robot's config with its plugin (always loaded); ``given`` has, by robot, the data
-    (JSON) that its adapter's Config takes, relative to ``folder``. ``problems`` is empty unless the
-    fleet was loaded partially: then it says why the other robots cannot run, and ``config`` (its groups
-    too) holds only those that can. ``warnings``: what a person should look at, though it can run.
-    ``secrets`` must never be shown.
+    (JSON) that its adapter's Config takes, relative to ``folder``. If the fleet was loaded partially,
+    ``problems`` says why the other robots cannot run, and ``config`` (its groups too) holds only those that
+    can. ``warnings``: what a person should look at, though it can run. ``secrets`` must never be shown.
     """
 
     config: FleetConfig
@@ -150,9 +149,7 @@ def _load(file: pathlib.Path, environ: Mapping[str, str], partial: bool, registr
         }
     )
     given = {made.config.name: made.given for made in robots.values()}
-    warnings = tuple(document.warnings)
-    known = tuple(missions)
-    secrets = frozenset(document.secrets)
+    warnings, secrets, known = tuple(document.warnings), frozenset(document.secrets), tuple(missions)
     return Loaded(config, registry, runnable, file.parent, given, problems, warnings, known, file, secrets)
 
 

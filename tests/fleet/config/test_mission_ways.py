@@ -95,8 +95,8 @@ def test_a_plan_for_another_autopilot_than_the_robots_is_an_error_with_its_place
 
 
 def test_a_plan_for_another_kind_of_vehicle_is_an_error_for_a_real_one_too(tmp_path):
-    with pytest.raises(InvalidConfig, match="made for ardupilot plane, which kestrel is not"):
-        flown(tmp_path, {}, "udpin:127.0.0.1:14550", firmware=3, vehicle=1)
+    with pytest.raises(InvalidConfig, match="made for ardupilot submarine, which kestrel is not"):
+        flown(tmp_path, {}, "udpin:127.0.0.1:14550", firmware=3, vehicle=12)
 
 
 def test_a_plan_that_some_robots_of_the_role_do_not_fly_is_a_warning(tmp_path):
