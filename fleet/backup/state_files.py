@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
+from fleet.console.people import FILE as PEOPLE
 from fleet.history.store import FORMATS as HISTORY_FORMATS
 from fleet.history.store import HISTORY
 from fleet.host.edge.rehearsals import PASSES
@@ -23,5 +24,5 @@ NEWEST: Mapping[str, int] = {
     SCHEDULES: len(SCHEDULES_FORMATS),
 }
 """The databases, each with the newest format number that this fleet reads."""
-PLAIN = (PASSES,)
-"""The other files: rehearsals that were passed."""
+PLAIN = (PASSES, PEOPLE)
+"""The other files: rehearsals that were passed, and people who may log in at the console."""

@@ -25,11 +25,9 @@ def check(out: Output, file: str) -> ExitCode:
     try:
         loaded = load(file)
     except InvalidConfig as error:
-        problems = [msgspec.to_builtins(problem) for problem in error.problems]
-        out.data({"ok": False, "file": file, "problems": problems})
-        if not out.as_json:
-            show_error(error)
-        return ExitCode.CONFIG_INVALID
+        return _invalid(out, file, error)
+    if problems := _of_login(loaded):
+        return _invalid(out, file, InvalidConfig(problems))
     told = (*loaded.warnings, *_of_certificates(loaded))
     warnings = [msgspec.to_builtins(warning) for warning in told]
     moved = _moved_after(loaded)
@@ -45,16 +43,33 @@ def check(out: Output, file: str) -> ExitCode:
     return ExitCode.OK
 
 
+def _invalid(out: Output, file: str, error: InvalidConfig) -> ExitCode:
+    """Show what is wrong."""
+    problems = [msgspec.to_builtins(problem) for problem in error.problems]
+    out.data({"ok": False, "file": file, "problems": problems})
+    if not out.as_json:
+        show_error(error)
+    return ExitCode.CONFIG_INVALID
+
+
+def _of_login(loaded: Loaded) -> tuple[Problem, ...]:
+    """Return why nobody could log in at the console, where people shall."""
+    if loaded.config.console is None or loaded.config.console.listen is None:
+        return ()
+    from fleet.cli.console_login import login_problems  # noqa: PLC0415 - not needed without a login
+
+    return login_problems(loaded)
+
+
 def _of_certificates(loaded: Loaded) -> list[Problem]:
     """Return what a person should know of the certificates' ends."""
-    tls = loaded.config.bus.tls
-    if tls is None:
+    if not (loaded.config.bus.tls or (loaded.config.console and loaded.config.console.tls)):
         return []
     from fleet.host.edge.certificate_expiry import CertificateExpiry, files_of  # noqa: PLC0415 - not needed without certificates
 
     return [
-        Problem(str(file), 1, 1, "bus.tls", problem)
-        for file in files_of(tls)
+        Problem(str(file), 1, 1, place, problem)
+        for file, place in files_of(loaded.config).items()
         for problem in CertificateExpiry([file], SystemClock()).problems
     ]
 

@@ -9,6 +9,7 @@ import os
 import click
 
 from fleet.bus.settings import runtime_dir
+from fleet.cli.console_people import people
 from fleet.cli.options import reach_option
 from fleet.cli.output import ExitCode, Output, with_output
 from fleet.client.edges import settings_of
@@ -24,7 +25,7 @@ from fleet.runtime.event_loop import run
 from fleet.spool.state_folder import state_folder
 
 
-@click.command()
+@click.group(invoke_without_command=True)
 @click.option(
     "--port",
     type=click.IntRange(0, 65535),
@@ -61,6 +62,8 @@ def console(
     minutes; --link prints another. It shows every edge that runs on this computer, now or later, or the one
     of the file.
     """
+    if click.get_current_context().invoked_subcommand is not None:
+        return ExitCode.OK
     asked = LinkAsked(local_user(), Permission[permission.upper()])
     if link_only:
         return _links(out, asked)
@@ -78,6 +81,9 @@ def console(
         beside=beside,
     )
     return run(_serve(out, task, asked))
+
+
+console.add_command(people)
 
 
 def _recordings(given: str | None, file: str | None) -> tuple[tuple[str, ...], str]:

@@ -2,15 +2,74 @@
 
 from __future__ import annotations
 
-from pydantic import Field
+import ipaddress
+import re
+from typing import Annotated, Self
 
-from fleet.yaml_model import Model, NewPath
+from pydantic import AfterValidator, Field, model_validator
+
+from fleet.yaml_model import ExistingPath, Model, NewPath, wrong
+
+_ENDPOINT = re.compile(r"(\[[0-9a-fA-F:.]+\]|[0-9.]+):(\d{1,5})")
+
+
+def _tcp_endpoint(given: str) -> str:
+    """Refuse what is not ADDRESS:PORT."""
+    match = _ENDPOINT.fullmatch(given)
+    try:
+        ipaddress.ip_address(match[1].strip("[]") if match else "")
+    except ValueError:
+        raise ValueError(f"{given!r} is no address with a port, as 0.0.0.0:8443 or '[::]:8443'") from None
+    if match is None or int(match[2]) > 65535:
+        raise ValueError("a port is at most 65535")
+    return given
+
+
+class ConsoleTlsConfig(Model):
+    """The certificate that the console shows to browsers (PEM files)."""
+
+    cert: ExistingPath = Field(
+        description="Certificate for the name in the browser's address, and its chain."
+    )
+    key: ExistingPath = Field(description="Its private key, without a passphrase.")
 
 
 class ConsoleConfig(Model):
-    """The console, a web page with the fleet, as a process beside the edge. It listens on loopback alone."""
+    """The console, a web page with the fleet, as a process beside the edge."""
 
-    port: int = Field(8480, ge=0, le=65535, description="0 takes any that is free.")
+    port: int = Field(8480, ge=0, le=65535, description="On loopback, for links; 0 takes any that is free.")
+    listen: Annotated[str, AfterValidator(_tcp_endpoint)] | None = Field(
+        None,
+        description="Address and port on which people log in from other computers, as 0.0.0.0:8443; needs "
+        "tls, and people (fleet console people add). Left out: loopback alone.",
+    )
+    tls: ConsoleTlsConfig | None = Field(None, description="Needed for listen.")
+    hosts: tuple[Annotated[str, Field(pattern=r"^[A-Za-z0-9.:_-]{1,253}$")], ...] = Field(
+        (), description="Names and addresses by which browsers reach listen. Left out: the certificate's."
+    )
+    people: NewPath | None = Field(
+        None,
+        description="File of who may log in. Left out: console-people.json, with the edge's state.",
+    )
+
+    @model_validator(mode="after")
+    def _listens_with_tls(self) -> Self:
+        """Refuse a port on which a password could be read on the way."""
+        if self.listen is not None and self.tls is None:
+            raise wrong(
+                "listen", "passwords and commands could be read and changed on the way; set tls: {cert, key}"
+            )
+        if self.listen is None and (self.tls is not None or self.hosts):
+            raise wrong("tls" if self.tls is not None else "hosts", "it is for listen, which is not there")
+        return self
+
+    @property
+    def endpoint(self) -> tuple[str, int] | None:
+        """Address and port of ``listen``."""
+        if self.listen is None:
+            return None
+        host, _, port = self.listen.rpartition(":")
+        return host.strip("[]"), int(port)
 
 
 class RecordConfig(Model):

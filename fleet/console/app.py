@@ -3,7 +3,9 @@
 =========================  ==========================================================================
 ``GET /`` and its files    the page, the same for everybody, without data
 ``POST /api/session``      a link's token for the cookie of a session
+``POST /api/login``        name and password for the cookie of a session, where people log in
 ``GET /api/session``       whose session it is
+``POST /api/logout``       the end of the session and of its pages
 ``GET /ws``                the WebSocket of a page
 ``POST /api/stop``         an emergency stop; a request that is known by the WebSocket is not asked again
 ``GET /api/stops/ID``      how that stop goes
@@ -13,7 +15,10 @@
 
 from __future__ import annotations
 
+import asyncio
+import contextlib
 from collections.abc import Mapping
+from typing import Annotated
 
 import msgspec
 from starlette.applications import Starlette
@@ -25,10 +30,13 @@ from starlette.websockets import WebSocket
 
 from fleet.console.exports import Window
 from fleet.console.files import PageFile, page_files
-from fleet.console.guard import LONGEST_BODY, Guard
+from fleet.console.guard import LONGEST_BODY, Guard, Served
 from fleet.console.hub import MOST_TABS, Hub
+from fleet.console.login import Login, LoginRefused
+from fleet.console.passwords import LONGEST as LONGEST_PASSWORD
+from fleet.console.people import LONGEST_NAME
 from fleet.console.requests import read_stop
-from fleet.console.sessions import Operator, Sessions
+from fleet.console.sessions import Opened, Operator, Session, Sessions
 from fleet.console.stops import StopTarget
 from fleet.console.tab import Tab
 from fleet.errors import Refused, WireError
@@ -36,6 +44,9 @@ from fleet.runtime.decoding import decode_json
 
 NOT_IN = "nobody is signed in: open a new link, which  fleet console --link  prints"
 USED = "this link was used already, or is older than ten minutes: fleet console --link  prints a new one"
+LOGGED_OUT = "nobody is logged in here, or the session has ended: log in"
+LOGIN_PAGE = "/login.html"
+SESSION_ENDED = 4401  # close code of ours
 PROOF = "x-fleet-proof"
 """The header in which a page shows its proof."""
 PROTOCOL = "fleet.console"
@@ -49,25 +60,46 @@ class _Given(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     token: str
 
 
+class _Credentials(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """What somebody logs in with."""
+
+    name: Annotated[str, msgspec.Meta(max_length=LONGEST_NAME)]
+    password: Annotated[str, msgspec.Meta(max_length=LONGEST_PASSWORD)]
+
+
 def make_app(hub: Hub, sessions: Sessions) -> ASGIApp:
-    """Return the console as an ASGI application, behind its guard."""
+    """Return the console of loopback, which links open, as an ASGI application behind its guard."""
     return Guard(_App(hub, sessions, page_files()).routes())
+
+
+def make_login_app(hub: Hub, login: Login, served: Served) -> ASGIApp:
+    """Return the console on which people log in, as an ASGI application behind its guard."""
+    return Guard(_App(hub, login.sessions, page_files(), login).routes(), served)
 
 
 class _App:
     """The handlers of the addresses."""
 
-    def __init__(self, hub: Hub, sessions: Sessions, files: Mapping[str, PageFile]) -> None:
+    def __init__(
+        self, hub: Hub, sessions: Sessions, files: Mapping[str, PageFile], login: Login | None = None
+    ) -> None:
         self._hub = hub
+        self._login = login
         self._sessions = sessions
         self._files = files
 
     def routes(self) -> Starlette:
         """Return the application without its guard."""
+        begin = (
+            Route("/api/session", self._open, methods=["POST"])
+            if self._login is None
+            else Route("/api/login", self._log_in, methods=["POST"])
+        )
         return Starlette(
             routes=[
-                Route("/api/session", self._open, methods=["POST"]),
+                begin,
                 Route("/api/session", self._session),
+                Route("/api/logout", self._log_out, methods=["POST"]),
                 Route("/api/stop", self._stop, methods=["POST"]),
                 Route("/api/stops/{request}", self._stopped),
                 Route("/api/recording", self._recording, methods=["POST"]),
@@ -76,11 +108,22 @@ class _App:
             ]
         )
 
-    def _operator(self, connection: HTTPConnection) -> Operator | None:
-        """Return whose session a request shows."""
+    def _shown(self, connection: HTTPConnection) -> Session | None:
+        """Return the session that a request shows."""
         shown = connection.scope.get("subprotocols") or []
         proof = shown[-1] if PROTOCOL in shown[:-1] else connection.headers.get(PROOF, "")
-        return self._sessions.operator_of(connection.cookies, proof)
+        return self._sessions.session_of(connection.cookies, proof)
+
+    def _operator(self, connection: HTTPConnection) -> Operator | None:
+        """Return whose session a request shows."""
+        session = self._shown(connection)
+        return session.operator if session is not None else None
+
+    def _nobody(self) -> Response:
+        """Answer who shows no session."""
+        if self._login is None:
+            return _json({"error": NOT_IN}, 401)
+        return _json({"error": LOGGED_OUT, "login": LOGIN_PAGE}, 401)
 
     async def _file(self, request: Request) -> Response:
         """Serve a file of the page."""
@@ -98,21 +141,53 @@ class _App:
         opened = self._sessions.open(token)
         if opened is None:
             return _json({"error": USED}, 403)
-        operator = self._sessions.operator_of({self._sessions.cookie: opened.cookie}, opened.proof)
-        response = _json(_shown(operator) | {"proof": opened.proof})
-        response.set_cookie(self._sessions.cookie, opened.cookie, httponly=True, samesite="strict", path="/")
+        return self._opened(opened)
+
+    async def _log_in(self, request: Request) -> Response:
+        """Open a session for a name and its password."""
+        assert self._login is not None
+        try:
+            given = decode_json(await _body(request), _Credentials)
+        except (msgspec.DecodeError, WireError):
+            return _json({"error": "name and password cannot be read, or are too long"}, 400)
+        address = request.client.host if request.client is not None else ""
+        opened = await self._login.log_in(given.name, given.password, address)
+        if isinstance(opened, LoginRefused):
+            answer = _json({"error": opened.why}, opened.status)
+            if opened.wait:
+                answer.headers["Retry-After"] = str(opened.wait)
+            return answer
+        return self._opened(opened)
+
+    def _opened(self, opened: Opened) -> Response:
+        """Answer with a new session."""
+        name = self._sessions.cookie
+        operator = self._sessions.operator_of({name: opened.cookie}, opened.proof)
+        if operator is None:  # removed in this very moment
+            return self._nobody()
+        response = _json(_told(operator) | {"proof": opened.proof})
+        secure = self._login is not None
+        response.set_cookie(name, opened.cookie, httponly=True, samesite="strict", path="/", secure=secure)
         return response
+
+    async def _log_out(self, request: Request) -> Response:
+        """End a session; its pages end at their next look."""
+        session = self._shown(request)
+        if session is None:
+            return self._nobody()
+        self._sessions.end(session)
+        return _json({})
 
     async def _session(self, request: Request) -> Response:
         """Tell whose session it is."""
         operator = self._operator(request)
-        return _json(_shown(operator)) if operator else _json({"error": NOT_IN}, 401)
+        return _json(_told(operator)) if operator else self._nobody()
 
     async def _stop(self, request: Request) -> Response:
         """Stop robots; answers when each edge has, or is late."""
         operator = self._operator(request)
         if operator is None:
-            return _json({"error": NOT_IN}, 401)
+            return self._nobody()
         try:
             asked = read_stop(await _body(request))
         except WireError as error:
@@ -122,7 +197,7 @@ class _App:
     async def _stopped(self, request: Request) -> Response:
         """Tell how a stop goes."""
         if self._operator(request) is None:
-            return _json({"error": NOT_IN}, 401)
+            return self._nobody()
         found = self._hub.view.get("stops", request.path_params["request"])
         return _json(found) if found else _json({"error": "there is no such stop"}, 404)
 
@@ -130,7 +205,7 @@ class _App:
         """Send a window of the recordings."""
         operator = self._operator(request)
         if operator is None:
-            return _json({"error": NOT_IN}, 401)
+            return self._nobody()
         try:
             window = decode_json(await _body(request), Window)
             file = await self._hub.exports.export(window, operator)
@@ -142,20 +217,29 @@ class _App:
 
     async def _tab(self, socket: WebSocket) -> None:
         """Serve the WebSocket of a page."""
-        operator = self._operator(socket)
-        if operator is None:
+        session = self._shown(socket)
+        if session is None:
             await socket.close()
             return
         await socket.accept(PROTOCOL)
         if len(self._hub.tabs) >= MOST_TABS:
             await socket.close(TRY_AGAIN_LATER, f"{MOST_TABS} pages are open already; close one")
             return
-        tab = Tab(socket, self._hub, operator)
+        tab = Tab(socket, self._hub, session.operator)
         self._hub.tabs.add(tab)
+        watching = asyncio.create_task(self._end_with(session, socket), name="session")
         try:
             await tab.run()
         finally:
+            watching.cancel()
             self._hub.tabs.discard(tab)
+
+    async def _end_with(self, session: Session, socket: WebSocket) -> None:
+        """Close a page when its session ends; while the page is open, the session is in use."""
+        while self._sessions.renew(session):
+            await self._hub.next_tick()
+        with contextlib.suppress(RuntimeError):  # it is being closed
+            await socket.close(SESSION_ENDED, "the session has ended")
 
 
 async def _body(request: Request) -> bytes:
@@ -173,7 +257,6 @@ def _json(told: object, status: int = 200) -> Response:
     return Response(msgspec.json.encode(told), status, media_type="application/json")
 
 
-def _shown(operator: Operator | None) -> dict[str, str]:
+def _told(operator: Operator) -> dict[str, str]:
     """Return an operator for the page."""
-    assert operator is not None
     return {"operator": operator.name, "permission": operator.permission.word}

@@ -28,7 +28,7 @@ EXTRA = "the console needs its extra: pip install 'zenoh-fleet[console]' (here: 
 
 def is_installed() -> bool:
     """Return whether the packages of the extra are there."""
-    return all(importlib.util.find_spec(name) for name in ("starlette", "uvicorn", "websockets"))
+    return all(importlib.util.find_spec(name) for name in ("argon2", "starlette", "uvicorn", "websockets"))
 
 
 class ConsoleChild:

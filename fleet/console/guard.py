@@ -9,12 +9,25 @@ from __future__ import annotations
 from collections.abc import Iterable
 from urllib.parse import urlsplit
 
+import msgspec
 from starlette.datastructures import Headers, MutableHeaders
 from starlette.responses import PlainTextResponse
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 HOSTS = frozenset({"127.0.0.1", "localhost", "[::1]"})
 """Names of this computer; any port, because a tunnel may have another one at its other end."""
+
+
+class Served(msgspec.Struct, frozen=True):
+    """The names by which a server is reached, and what is told to who comes by another one."""
+
+    hosts: frozenset[str]
+    advice: str
+
+
+LOOPBACK = Served(
+    HOSTS, "this console is reached by 127.0.0.1 or localhost; from elsewhere through a tunnel (ssh -L)"
+)
 LONGEST_BODY = 16 * 1024  # bytes of a request
 LONGEST_TARGET = 1024  # bytes of a path with its query
 
@@ -34,11 +47,11 @@ _ANSWERS = {
 }
 
 
-def refusal_of(method: str, headers: Headers, target: str, *, scheme: str) -> str:
+def refusal_of(method: str, headers: Headers, target: str, *, scheme: str, served: Served = LOOPBACK) -> str:
     """Return why a request is not served, empty when it is; ``method`` is WEBSOCKET for a handshake."""
     hosts = headers.getlist("host")
-    if len(hosts) != 1 or _name_of(hosts[0]) not in HOSTS:
-        return "this console is reached by 127.0.0.1 or localhost; from elsewhere through a tunnel (ssh -L)"
+    if len(hosts) != 1 or _name_of(hosts[0]) not in served.hosts:
+        return served.advice
     if len(target) > LONGEST_TARGET:
         return "the address is too long"
     if method in ("GET", "HEAD"):
@@ -82,8 +95,9 @@ def _name_of(host: str) -> str:
 class Guard:
     """Passes on to ``app`` what ``refusal_of`` lets through, and adds the headers to each answer."""
 
-    def __init__(self, app: ASGIApp) -> None:
+    def __init__(self, app: ASGIApp, served: Served = LOOPBACK) -> None:
         self._app = app
+        self._served = served
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Serve one request or WebSocket."""
@@ -93,7 +107,7 @@ class Guard:
         method = scope["method"] if scope["type"] == "http" else "WEBSOCKET"
         scheme = "https" if scope["scheme"] in ("https", "wss") else "http"
         target = scope.get("raw_path", b"").decode("latin-1") + scope["query_string"].decode("latin-1")
-        refusal = refusal_of(method, Headers(scope=scope), target, scheme=scheme)
+        refusal = refusal_of(method, Headers(scope=scope), target, scheme=scheme, served=self._served)
 
         async def answer(message: Message) -> None:
             if message["type"] == "http.response.start":

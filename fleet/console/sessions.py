@@ -1,10 +1,11 @@
-"""Who may use the console: links that work once, the sessions they open, and what each may do; no I/O."""
+"""Who may use the console: links that work once, sessions, and what each may do; no I/O."""
 
 from __future__ import annotations
 
 import hashlib
+import math
 import secrets
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 
 import msgspec
 
@@ -12,9 +13,10 @@ from fleet.clock import Clock
 from fleet.model.permission import Permission
 
 LINK_LIFE = 600.0  # s in which a link must be used
-SESSION_LIFE = 12 * 3600.0  # s without a request after which a session ends
+SESSION_LIFE = 12 * 3600.0  # s without a request after which the session of a link ends
 MOST_LINKS = 32  # unused links; the oldest goes for a new one
 MOST_SESSIONS = 64
+MOST_OF_ONE = 16  # sessions of one person; the oldest goes for a new one
 _BYTES = 32  # of randomness in a token
 
 
@@ -39,12 +41,31 @@ class Opened(msgspec.Struct, frozen=True):
     proof: str
 
 
-class _Session(msgspec.Struct):
-    """A session of one browser; ``proof`` is a digest."""
+class Lives(msgspec.Struct, frozen=True):
+    """How long sessions last: ``idle`` seconds without a request or an open page, ``longest`` in any case."""
+
+    idle: float
+    longest: float
+
+
+BY_LINK = Lives(SESSION_LIFE, math.inf)
+BY_LOGIN = Lives(3600.0, 12 * 3600.0)
+
+
+def _always() -> bool:
+    """Return True: nothing but time ends the session of a link."""
+    return True
+
+
+class Session(msgspec.Struct, eq=False):
+    """A session of one browser; ``key`` and ``proof`` are digests. It ends when ``holds`` is false."""
 
     operator: Operator
+    key: bytes
     proof: bytes
     until: float
+    ends: float
+    holds: Callable[[], bool]
 
 
 class Sessions:
@@ -55,12 +76,13 @@ class Sessions:
     nothing: the page shows a proof beside it, from its own storage, which belongs to the port.
     """
 
-    def __init__(self, clock: Clock) -> None:
+    def __init__(self, clock: Clock, lives: Lives = BY_LINK, prefix: str = "") -> None:
         self._clock = clock
+        self._lives = lives
         self._links: dict[bytes, _Link] = {}
-        self._sessions: dict[bytes, _Session] = {}
+        self._sessions: dict[bytes, Session] = {}
         self.instance = secrets.token_hex(8)
-        self.cookie = f"fleet_console_{self.instance}"
+        self.cookie = f"{prefix}fleet_console_{self.instance}"
 
     def new_link(self, operator: Operator) -> str:
         """Return a token that opens one session for this person, once and soon."""
@@ -74,27 +96,58 @@ class Sessions:
 
     def open(self, token: str) -> Opened | None:
         """Return a new session for a token, which is used up; None for one that is no good."""
-        now = self._clock.monotonic()
         link = self._links.pop(_digest(token), None)
-        if link is None or link.until <= now:
+        if link is None or link.until <= self._clock.monotonic():
             return None
-        self._sessions = {key: found for key, found in self._sessions.items() if found.until > now}
+        return self.begin(link.operator)
+
+    def begin(self, operator: Operator, holds: Callable[[], bool] = _always) -> Opened:
+        """Return a new session of somebody who has proven who it is; it ends when ``holds`` is false."""
+        now = self._clock.monotonic()
+        self._sessions = {key: each for key, each in self._sessions.items() if self._lasts(each, now)}
+        own = [key for key, each in self._sessions.items() if each.operator.name == operator.name]
+        for key in own[: max(0, len(own) + 1 - MOST_OF_ONE)]:
+            del self._sessions[key]
         while len(self._sessions) >= MOST_SESSIONS:
             self._sessions.pop(min(self._sessions, key=lambda key: self._sessions[key].until))
         opened = Opened(secrets.token_urlsafe(_BYTES), secrets.token_urlsafe(_BYTES))
-        session = _Session(link.operator, _digest(opened.proof), now + SESSION_LIFE)
-        self._sessions[_digest(opened.cookie)] = session
+        key, ends = _digest(opened.cookie), now + self._lives.longest
+        self._sessions[key] = Session(
+            operator, key, _digest(opened.proof), now + self._lives.idle, ends, holds
+        )
         return opened
 
-    def operator_of(self, cookies: Mapping[str, str], proof: str) -> Operator | None:
-        """Return whose session a request shows, None without one; its use renews it."""
+    def session_of(self, cookies: Mapping[str, str], proof: str) -> Session | None:
+        """Return the session that a request shows, None without one; its use renews it."""
         cookie = cookies.get(self.cookie)
-        now = self._clock.monotonic()
         session = self._sessions.get(_digest(cookie)) if cookie else None
-        if session is None or session.until <= now or session.proof != _digest(proof):
+        if session is None or session.proof != _digest(proof) or not self.renew(session):
             return None
-        session.until = now + SESSION_LIFE
-        return session.operator
+        return session
+
+    def operator_of(self, cookies: Mapping[str, str], proof: str) -> Operator | None:
+        """Return whose session a request shows, None without one."""
+        session = self.session_of(cookies, proof)
+        return session.operator if session is not None else None
+
+    def renew(self, session: Session) -> bool:
+        """Return whether a session goes on; that it is in use renews it."""
+        now = self._clock.monotonic()
+        if self._sessions.get(session.key) is not session:
+            return False
+        if not self._lasts(session, now):
+            self.end(session)
+            return False
+        session.until = now + self._lives.idle
+        return True
+
+    def end(self, session: Session) -> None:
+        """End a session: its person logs out."""
+        self._sessions.pop(session.key, None)
+
+    def _lasts(self, session: Session, now: float) -> bool:
+        """Return whether a session has not come to its end."""
+        return min(session.until, session.ends) > now and session.holds()
 
 
 def _digest(token: str) -> bytes:

@@ -7,10 +7,27 @@ from pathlib import Path
 import msgspec
 
 from fleet.bus.settings import BusSettings
+from fleet.console.login_history import HistoryPlace
 from fleet.record.task import FOLDER
 
 PORT = 8480
 """The port of a console where nobody says another one."""
+
+
+class LoginTask(msgspec.Struct, frozen=True):
+    """The port with TLS on which people log in.
+
+    ``hosts``: the names by which it is reached, none for those of the certificate; ``people``: their file;
+    ``history``: where logins are written.
+    """
+
+    host: str
+    port: int
+    cert: str
+    key: str
+    people: str
+    history: HistoryPlace
+    hosts: tuple[str, ...] = ()
 
 
 class ConsoleTask(msgspec.Struct, frozen=True):
@@ -20,7 +37,7 @@ class ConsoleTask(msgspec.Struct, frozen=True):
     so does a port that is taken, with ``any_port``.
     ``edges``: those to reach besides, or with ``only`` instead of, all that run on this computer.
     ``recordings``: folders of recordings to show; ``beside`` a folder also those of each edge in it.
-    ``parent``: the process that it ends with, 0 for none.
+    ``login``: its port beyond loopback, None for none. ``parent``: the process that it ends with, 0 for none.
     """
 
     name: str
@@ -30,6 +47,7 @@ class ConsoleTask(msgspec.Struct, frozen=True):
     only: bool = False
     recordings: tuple[str, ...] = ()
     beside: str = ""
+    login: LoginTask | None = None
     parent: int = 0
 
     def recordings_now(self) -> list[Path]:

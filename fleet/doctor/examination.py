@@ -127,12 +127,12 @@ def check_config(file: Path, environ: Mapping[str, str], *, plugins: bool) -> li
 
 
 def check_certificates(config: Sections, clocks: Clock) -> list[Finding]:
-    """Judge the ends of the certificates of the bus."""
-    files = files_of(config.bus.tls)
-    problems = CertificateExpiry(files, clocks).problems
-    if problems:
-        return [error(TLS, each, "fleet certs renew, and a restart of the edge") for each in problems]
-    return [ok(TLS, f"{len(files)} certificates of the bus are valid")] if files else []
+    """Judge the ends of the certificates of the bus and the console."""
+    files = files_of(config)
+    expiry = CertificateExpiry(files, clocks)
+    if expiry.problems:
+        return [error(TLS, each, "fleet certs renew, and a restart of the edge") for each in expiry.problems]
+    return [ok(TLS, f"certificates are valid; {expiry.first_end}")] if files else []
 
 
 def subject_of(file: Path, environ: Mapping[str, str]) -> Subject:

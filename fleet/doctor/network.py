@@ -42,6 +42,8 @@ def ports_of(config: Sections, links: Iterable[str]) -> list[Port]:
         found.append(Port("tcp", config.metrics.port, "metrics"))
     if config.console is not None:
         found.append(Port("tcp", config.console.port, "console"))
+        if config.console.endpoint is not None:
+            found.append(Port("tcp", config.console.endpoint[1], "console.listen"))
     found += [
         Port(_OF_PROTOCOL[match[1]], int(match[3]), f"bus.listen {end}")
         for end in config.bus.listen

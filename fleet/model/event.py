@@ -39,6 +39,7 @@ class EventKind(enum.StrEnum):
     BATTERY = "battery"  # the battery policy acted
     SEPARATION = "separation"  # another robot is too near
     SCHEDULE = "schedule"  # a schedule fired, was skipped, or was switched
+    LOGIN = "login"  # somebody logged in at the console, or failed to
 
 
 class Requester(msgspec.Struct, frozen=True, omit_defaults=True):

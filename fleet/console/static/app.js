@@ -8,6 +8,7 @@ import { startPad } from "./pad.js";
 import { startPanel } from "./panel.js";
 import { startPast } from "./past.js";
 import { startRobots } from "./robots.js";
+import { startSession } from "./session.js";
 import { startStopView } from "./stopview.js";
 import { start } from "./store.js";
 
@@ -20,4 +21,5 @@ startPad();
 startControl();
 startAlerts();
 startPast();
+startSession();
 start();

@@ -52,7 +52,7 @@
     }
     const answer = await fetch("/api/session", { headers: page.headers(), signal: soon() });
     const told = await answer.json();
-    if (!answer.ok) throw new Error(told.error);
+    if (!answer.ok) throw Object.assign(new Error(told.error), { login: told.login });
     return told;
   }
   page.session = openSession();

@@ -122,11 +122,18 @@ export function ask(message, call) {
   return send({ request, ...message });
 }
 
+// Without a session nothing can be shown or asked, a stop neither: the page where one logs in says so.
+function toLogin(address) {
+  location.replace(address + location.hash);
+}
+
 // Why no connection is opened: a console that was started anew knows nobody any more.
 async function tellWhy() {
   try {
     const answer = await fetch("/api/session", { headers: window.fleetPage.headers() });
-    store.error = answer.ok ? "" : (await answer.json()).error;
+    const told = await answer.json();
+    if (told.login) toLogin(told.login);
+    store.error = answer.ok ? "" : told.error;
   } catch {
     store.error = "";
   }
@@ -155,6 +162,7 @@ export async function start() {
   try {
     await window.fleetPage.session;
   } catch (error) {
+    if (error.login) toLogin(error.login);
     store.error = error.message;
     changed(new Set(["error"]));
     return;

@@ -7,7 +7,7 @@ from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
 from fleet.clock import Clock
-from fleet.config.schema import BusTlsConfig
+from fleet.config.schema import Sections
 
 SOON = timedelta(days=30)
 """How long before its end a certificate is told of."""
@@ -22,9 +22,11 @@ def ending(until: datetime, now: datetime) -> str:
     return f"has expired on {day}" if left <= timedelta() else f"expires in {left.days} days, on {day}"
 
 
-def files_of(tls: BusTlsConfig | None) -> tuple[Path, ...]:
-    """Return the certificates that an edge's bus stands on."""
-    return () if tls is None else (tls.root_ca, tls.cert)
+def files_of(config: Sections) -> dict[Path, str]:
+    """Return the certificates of an edge's bus and console, each with its section of fleet.yaml."""
+    bus, console = config.bus.tls, config.console.tls if config.console is not None else None
+    found = {} if bus is None else dict.fromkeys((bus.root_ca, bus.cert), "bus.tls")
+    return found if console is None else found | {console.cert: "console.tls"}
 
 
 class CertificateExpiry:
@@ -56,6 +58,14 @@ class CertificateExpiry:
             *self._unreadable,
             *(f"certificate {file.name} {said}; {advice}" for file, said in told if said),
         ]
+
+    @property
+    def first_end(self) -> str:
+        """Which of them ends first, and on which day; empty when none can be read."""
+        if not self._ends:
+            return ""
+        file, end = min(self._ends.items(), key=lambda each: each[1])
+        return f"{file.name} is the first to end, on {end:%Y-%m-%d}"
 
     @property
     def problem(self) -> str:

@@ -145,7 +145,7 @@ class Edge:
             renew=self._renew_stops,
             clock=clock,
         )
-        self._expiry = CertificateExpiry(files_of(config.bus.tls), clock)
+        self._expiry = CertificateExpiry(files_of(config), clock)
         self._recall = HistoryService(self.process.history)
         self._notifier = Notifier(config.notified, config.edge.id, clock)
         history = self.process.history

@@ -6,6 +6,7 @@ import pytest
 
 from fleet.backup.making import pack
 from fleet.config.load import sections_of
+from fleet.console.people import Person, add_person
 
 FILE = """\
 edge: {id: yard-1}
@@ -93,3 +94,8 @@ def test_the_state_of_an_edge_that_writes_is_copied_whole(site, tmp_path):
     reader = sqlite3.connect(tmp_path / "copy.db")
     assert reader.execute("SELECT n FROM event").fetchall() == [(1,)]
     reader.close()
+
+
+def test_the_people_who_may_log_in_at_the_console_are_in_it(site, tmp_path):
+    add_person(tmp_path / "state" / "console-people.json", Person("anna", "view", "$argon2id$x"))
+    assert b'"anna"' in packed(site, tmp_path / "state").contents["state/console-people.json"]

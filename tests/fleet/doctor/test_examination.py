@@ -2,9 +2,11 @@
 
 import sys
 import time
+from datetime import UTC, datetime, timedelta
 
 import pytest
 
+from fleet.config.certificates import Identity, issue_pair, make_authority
 from fleet.doctor import examination
 from fleet.doctor.examination import examine
 from fleet.doctor.finding import Verdict
@@ -56,6 +58,20 @@ def test_a_wrong_fleet_file_is_told_and_the_rest_is_looked_at(place):
     findings = examine(place / "fleet.yaml")
     assert found_in(findings, "fleet file")[0].verdict is Verdict.ERROR
     assert found_in(findings, "clock")
+
+
+def test_the_certificate_of_the_console_is_told_with_its_last_day(place):
+    now = datetime.now(UTC)
+    end = now + timedelta(days=300)
+    authority = make_authority("site", now)
+    pair = issue_pair(authority, Identity("web", "console", ("console.test",), end), now)
+    (place / "web.pem").write_bytes(pair.certificate)
+    (place / "web.key").write_bytes(pair.key)
+    console = "console: {listen: '0.0.0.0:8443', tls: {cert: web.pem, key: web.key}}\n"
+    (place / "fleet.yaml").write_text(FILE + console)
+    (told,) = found_in(examine(place / "fleet.yaml"), "tls")
+    assert told.verdict is Verdict.OK
+    assert told.found == f"certificates are valid; web.pem is the first to end, on {end:%Y-%m-%d}"
 
 
 def test_a_check_that_fails_itself_hides_no_other(place, monkeypatch):

@@ -1,0 +1,62 @@
+"""What ``console: {listen: ...}`` of fleet.yaml means for the console beside its edge, and what it needs."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from fleet.config.load import Loaded
+from fleet.config.problems import Problem
+from fleet.config.schema import FleetConfig, Sections
+from fleet.console.links import ConsoleError
+from fleet.console.login_history import HistoryPlace
+from fleet.console.people import FILE, PeopleError, read_people
+from fleet.console.task import LoginTask
+from fleet.console.tls_listener import tls_context
+from fleet.host.journal.stores import history_bounds
+from fleet.spool.state_folder import state_folder
+
+
+def people_file(config: Sections) -> Path:
+    """Return the file of the people who may log in at the console of an edge."""
+    given = config.console.people if config.console is not None else None
+    return (given or state_folder(config.edge.id, config.edge.spool.path) / FILE).absolute()
+
+
+def login_task(config: FleetConfig) -> LoginTask | None:
+    """Return what the console's port beyond loopback is, None where there is none."""
+    console = config.console
+    if console is None or console.endpoint is None or console.tls is None:
+        return None
+    host, port = console.endpoint
+    bounds = history_bounds(config)
+    folder = state_folder(config.edge.id, config.edge.spool.path).absolute()
+    return LoginTask(
+        host,
+        port,
+        str(console.tls.cert.absolute()),
+        str(console.tls.key.absolute()),
+        str(people_file(config)),
+        HistoryPlace(str(folder), bounds.size, bounds.age),
+        console.hosts,
+    )
+
+
+def login_problems(loaded: Loaded) -> tuple[Problem, ...]:
+    """Return why nobody could log in: a certificate that does not fit its key, or no people."""
+    task = login_task(loaded.config)
+    if task is None:
+        return ()
+    found = []
+    try:
+        tls_context(task.cert, task.key)
+    except ConsoleError as error:
+        found.append(Problem(str(loaded.file), 1, 1, "console.tls", str(error)))
+    try:
+        nobody = f"nobody could log in: there is nobody in {task.people}"
+        why = "" if read_people(Path(task.people)) else nobody
+    except PeopleError as error:
+        why = str(error)
+    if why:
+        hint = "fleet console people add NAME --permission operate"
+        found.append(Problem(str(loaded.file), 1, 1, "console.listen", why, hint=hint))
+    return tuple(found)

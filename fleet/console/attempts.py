@@ -1,0 +1,76 @@
+"""How many failed logins a name or an address has, and how long the next try waits; no I/O, no clock."""
+
+from __future__ import annotations
+
+import ipaddress
+from collections import OrderedDict
+
+import msgspec
+
+FORGET = 900.0  # s without a failure after which a key begins anew
+MOST = 4096  # keys that are remembered; the one whose last failure is oldest goes for a new one
+
+
+class Limit(msgspec.Struct, frozen=True):
+    """``free`` failures cost nothing; each further one doubles the wait, up to ``longest`` seconds."""
+
+    free: int
+    longest: float
+
+
+BY_NAME = Limit(5, 60.0)
+"""Short: who knows a name could else keep that person out, who may have robots to stop."""
+BY_ADDRESS = Limit(10, 900.0)
+
+
+class _Failures(msgspec.Struct):
+    """The failures of one key; ``until`` and ``last`` are monotonic seconds."""
+
+    count: int = 0
+    until: float = float("-inf")
+    last: float = float("-inf")
+
+
+class Attempts:
+    """The failed tries by key. ``now`` is always monotonic seconds."""
+
+    def __init__(self, limit: Limit) -> None:
+        self._limit = limit
+        self._failures: OrderedDict[str, _Failures] = OrderedDict()
+
+    def wait(self, key: str, now: float) -> float:
+        """Return how many seconds are left until a key may try, 0 when it may."""
+        found = self._failures.get(key)
+        return max(0.0, found.until - now) if found is not None else 0.0
+
+    def fail(self, key: str, now: float) -> float:
+        """Note a failure; return how many seconds the next try has to wait."""
+        found = self._failures.pop(key, None)
+        if found is None or now - found.last >= FORGET:
+            found = _Failures()
+        found.count += 1
+        found.last = now
+        beyond = found.count - self._limit.free
+        wait = min(self._limit.longest, 2.0 ** min(beyond, 30)) if beyond > 0 else 0.0
+        found.until = now + wait
+        self._failures[key] = found
+        while len(self._failures) > MOST:
+            self._failures.popitem(last=False)
+        return wait
+
+    def clear(self, key: str) -> None:
+        """Forget the failures of a key."""
+        self._failures.pop(key, None)
+
+
+def address_key(address: str) -> str:
+    """Return by what an address is counted: IPv6 by its network, of which a computer has every address."""
+    try:
+        parsed = ipaddress.ip_address(address.partition("%")[0])
+    except ValueError:
+        return "unknown"
+    if isinstance(parsed, ipaddress.IPv4Address):
+        return str(parsed)
+    if parsed.ipv4_mapped is not None:
+        return str(parsed.ipv4_mapped)
+    return str(ipaddress.ip_network((parsed, 64), strict=False))

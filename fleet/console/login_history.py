@@ -1,0 +1,77 @@
+"""Logins in the history of the edge beside which a console runs: who came in, and who failed to.
+
+Failures are bounded by the minute: who tries passwords must not push the robots' events out of the history.
+"""
+
+from __future__ import annotations
+
+import asyncio
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+
+import msgspec
+
+from fleet.clock import Clock
+from fleet.history.store import History, HistoryBounds
+from fleet.model.command import Transport
+from fleet.model.event import EventKind, EventReport, Requester, Severity
+
+WRITE_EVERY = 0.5  # s
+FAILURES, WINDOW = 20, 60.0  # failures that are written in so many seconds
+
+
+class HistoryPlace(msgspec.Struct, frozen=True):
+    """Where the edge keeps its history, and how much of it: ``size`` in bytes, ``age`` in seconds."""
+
+    folder: str
+    size: int
+    age: float
+
+
+class LoginHistory:
+    """Takes logins on the loop; ``run`` writes them on a thread."""
+
+    def __init__(self, place: HistoryPlace, clock: Clock) -> None:
+        self._history = History(Path(place.folder), clock, HistoryBounds(place.size, place.age))
+        self._clock = clock
+        self._window, self._failed, self._untold = float("-inf"), 0, 0
+
+    def came_in(self, name: str, address: str) -> None:
+        """Take that somebody has logged in."""
+        asker = Requester(Transport.LOCAL, name, proven=True)
+        self._add(f"{name} logged in at the console, from {address}", Severity.INFO, asker, address)
+
+    def failed(self, name: str, address: str, wait: float) -> None:
+        """Take a failed login; ``name`` is empty for one that is not known: it may be a password."""
+        now = self._clock.monotonic()
+        if now - self._window >= WINDOW:
+            self._window, self._failed = now, 0
+        self._failed += 1
+        if self._failed > FAILURES:
+            self._untold += 1
+            return
+        whom = f"as {name}" if name else "with an unknown name"
+        later = f"; the next try waits {wait:.0f} s" if wait else ""
+        more = f"; {self._untold} failures before were not written" if self._untold else ""
+        self._untold = 0
+        asker = Requester(Transport.LOCAL, name)
+        text = f"a login at the console {whom} failed, from {address}{later}{more}"
+        self._add(text, Severity.WARNING, asker, address)
+
+    async def run(self) -> None:
+        """Write what is new until cancelled, and a last time then."""
+        loop = asyncio.get_running_loop()
+        with ThreadPoolExecutor(1, thread_name_prefix="login-history") as thread:
+            try:
+                while True:
+                    await asyncio.sleep(WRITE_EVERY)
+                    await loop.run_in_executor(thread, self._history.write)
+            finally:
+                thread.submit(self._history.close)  # waited for at the end of the block
+
+    def _add(self, text: str, severity: Severity, asker: Requester, address: str) -> None:
+        """Take an event of the edge."""
+        event = EventReport(
+            self._clock.time(), EventKind.LOGIN, text, severity, asker, data={"address": address}
+        )
+        self._history.add("", event)

@@ -1,0 +1,188 @@
+"""The people who may log in at a console: a file of their names, permissions and hashed passwords.
+
+The file is for its user alone (0600), beside the edge's state and never in fleet.yaml. It is replaced as a
+whole, so who reads it sees the old or the new people. A running console sees a change at its next look.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+import secrets
+import stat
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Literal
+
+import msgspec
+
+from fleet.errors import FleetError
+from fleet.model.permission import Permission
+from fleet.runtime.decoding import decode_json
+from fleet.spool.state_folder import locked, made
+
+FILE = "console-people.json"
+LONGEST_NAME = 64
+MOST = 1000  # people
+LARGEST = 1 << 20  # bytes
+LOCK_WITHIN = 5.0  # s
+_NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9._@-]{0,63}")
+
+Word = Literal["view", "operate", "admin"]
+
+
+class PeopleError(FleetError):
+    """The file of people cannot be read or written, or has not what was asked for."""
+
+
+class Person(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """One person; ``password`` is an argon2id hash."""
+
+    name: str
+    permission: Word
+    password: str
+
+    @property
+    def allowed(self) -> Permission:
+        """What this person may do."""
+        return Permission[self.permission.upper()]
+
+
+class _File(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """The content of the file."""
+
+    people: tuple[Person, ...] = ()
+    format: Literal[1] = 1
+
+
+def name_problem(name: str) -> str:
+    """Return why a name is not taken, empty when it is."""
+    if _NAME.fullmatch(name):
+        return ""
+    return f"a name has up to {LONGEST_NAME} letters, digits and . _ @ -, and begins with a letter or digit"
+
+
+def read_people(path: Path) -> dict[str, Person]:
+    """Return the people of a file by name, nobody where there is none; raises PeopleError.
+
+    A file that others may read or write is refused: they could have put themselves into it.
+    """
+    try:
+        file = os.open(path, os.O_RDONLY | os.O_CLOEXEC | os.O_NOFOLLOW)
+    except FileNotFoundError:
+        return {}
+    except OSError as error:
+        raise PeopleError(f"{path} cannot be read: {error.strerror}") from None
+    with os.fdopen(file, "rb") as opened:
+        status = os.fstat(opened.fileno())
+        if stat.S_IMODE(status.st_mode) & 0o077:
+            raise PeopleError(f"others may read or write {path}: chmod 600 {path}")
+        if os.geteuid() not in (status.st_uid, 0) and status.st_uid != 0:
+            raise PeopleError(f"{path} belongs to another user than this process")
+        content = opened.read(LARGEST + 1)
+    try:
+        if len(content) > LARGEST:
+            raise PeopleError(f"{path} has more than {LARGEST} bytes")
+        listed = decode_json(content, _File).people
+    except msgspec.DecodeError as error:
+        raise PeopleError(f"{path} is damaged: {error}") from None
+    people = {person.name: person for person in listed}
+    if len(people) != len(listed) or any(map(name_problem, people)):
+        raise PeopleError(f"{path} is damaged: names are wrong or there twice")
+    return people
+
+
+def write_people(path: Path, people: Iterable[Person]) -> None:
+    """Replace the file; raises PeopleError."""
+    content = msgspec.json.format(msgspec.json.encode(_File(tuple(people))), indent=1)
+    draft = path.with_name(f"{path.name}.{secrets.token_hex(4)}")
+    try:
+        file = os.open(draft, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o600)
+        try:
+            with os.fdopen(file, "wb") as opened:
+                opened.write(content)
+                opened.flush()
+                os.fsync(opened.fileno())
+            draft.replace(path)
+        finally:
+            draft.unlink(missing_ok=True)
+    except OSError as error:
+        raise PeopleError(f"{path} cannot be written: {error.strerror}") from None
+
+
+def add_person(path: Path, person: Person) -> None:
+    """Add somebody; raises PeopleError, also for a name that is there."""
+    made(path.parent)
+    with locked(path, within=LOCK_WITHIN):
+        people = read_people(path)
+        if person.name in people:
+            raise PeopleError(f"{person.name} is there already: fleet console people remove, or password")
+        if len(people) >= MOST:
+            raise PeopleError(f"there are {MOST} people already")
+        write_people(path, (*people.values(), person))
+
+
+def change_person(path: Path, name: str, *, permission: Word | None = None, password: str = "") -> None:
+    """Give somebody another permission or (hashed) password; raises PeopleError."""
+    made(path.parent)
+    with locked(path, within=LOCK_WITHIN):
+        people = read_people(path)
+        before = _named(people, name, path)
+        people[name] = Person(name, permission or before.permission, password or before.password)
+        write_people(path, people.values())
+
+
+def remove_person(path: Path, name: str) -> None:
+    """Remove somebody; raises PeopleError."""
+    made(path.parent)
+    with locked(path, within=LOCK_WITHIN):
+        people = read_people(path)
+        _named(people, name, path)
+        del people[name]
+        write_people(path, people.values())
+
+
+def _named(people: dict[str, Person], name: str, path: Path) -> Person:
+    """Return somebody; raises PeopleError."""
+    if name not in people:
+        raise PeopleError(f"nobody in {path} is named {name}: fleet console people list")
+    return people[name]
+
+
+class People:
+    """The people of a file, as they are now. ``problem`` says why nobody is known, empty when it is read."""
+
+    def __init__(self, path: Path) -> None:
+        self.problem = ""
+        self._path = path
+        self._seen: tuple[int, int, int, int] | None = None
+        self._people: dict[str, Person] = {}
+
+    def find(self, name: str) -> Person | None:
+        """Return somebody by name."""
+        self._look()
+        return self._people.get(name)
+
+    def knows(self, person: Person) -> bool:
+        """Return whether somebody is there unchanged: same permission, same password."""
+        return self.find(person.name) == person
+
+    def is_empty(self) -> bool:
+        """Return whether nobody may log in."""
+        self._look()
+        return not self._people
+
+    def _look(self) -> None:
+        """Read the file again if it has changed."""
+        try:
+            status = self._path.stat()
+            seen = (status.st_ino, status.st_mtime_ns, status.st_ctime_ns, status.st_size)
+        except OSError:
+            seen = (0, 0, 0, 0)
+        if seen == self._seen:
+            return
+        self._seen = seen
+        try:
+            self._people, self.problem = read_people(self._path), ""
+        except PeopleError as error:
+            self._people, self.problem = {}, str(error)
