@@ -14,6 +14,7 @@ import pytest
 from hypothesis import settings
 
 ROOT = Path(__file__).parent
+SYSTEM = ROOT / "system"
 FAST = (
     "adapters/fleet_mavlink",
     "adapters/fleet_quadruped/body",
@@ -92,10 +93,15 @@ def is_fast(item: pytest.Item) -> bool:
 
 @pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    """Choose the tests of the tier, and keep robots that need real time apart."""
+    """Choose the tests of the tier, and keep robots that need real time apart.
+
+    Those begin first, then the other tests of whole fleets: at the end each would keep one processor busy
+    for minutes while the other waits.
+    """
     for item in items:
         if item.get_closest_marker("real_time"):
             item.add_marker(pytest.mark.xdist_group(REAL_TIME))
+    items.sort(key=lambda item: (item.get_closest_marker("real_time") is None, item.path.parent != SYSTEM))
     if config.getoption("--fast"):
         chosen = [item for item in items if is_fast(item)]
         config.hook.pytest_deselected(items=[item for item in items if not is_fast(item)])
