@@ -274,14 +274,19 @@ def ready(pair):
     return holder, other
 
 
-def took_over(pair, holder, other, lost_at):
-    """Check by the robot's wire that the other edge took over in time, and that the two never mixed."""
+def took_over(pair, holder, other, lost_at, *, in_flight=0):
+    """Check by the robot's wire that the other edge took over in time, and that the two never mixed.
+
+    ``in_flight`` halts may come late: a process that was frozen between the gate's check and the write of a
+    frame writes that one when it goes on (ADR 0022).
+    """
     wait_until("the other edge moves the robot", lambda: pair.moving(other.name, lost_at))
     heard = pair.heard(lost_at)
     first = next(each for each in heard if each.edge == other.name)
     assert first.at - lost_at <= TAKEN_WITHIN
     late = [each for each in heard if each.edge == holder.name and each.at >= first.at]
-    assert late == []
+    assert not any(each.moves for each in late)
+    assert len(late) <= in_flight
     before = [each for each in pair.heard() if each.edge == holder.name and each.moves and each.at < first.at]
     moved = next(each for each in heard if each.edge == other.name and each.moves)
     assert moved.at - before[-1].at >= BOUND
@@ -313,7 +318,7 @@ def test_a_frozen_edge_writes_nothing_when_it_goes_on(pair, request):
         holder.forget_bus()
         holder.drivable = True
         wait_until("it knows that its lease is gone", partial(holder.has_role, "standby"))
-        took_over(pair, holder, other, lost_at)
+        took_over(pair, holder, other, lost_at, in_flight=1)
 
 
 def test_an_edge_that_is_cut_off_from_the_lease_stops_the_robot_before_the_other_has_it(pair, request):

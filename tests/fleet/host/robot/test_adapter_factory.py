@@ -143,10 +143,11 @@ def mavlink(link):
 
 def test_a_robot_flies_the_plans_of_its_autopilot_and_kind_once_these_are_known():
     can = configured(capabilities(MavlinkAdapter), mavlink("udpin:127.0.0.1:14550"))
-    every = {"ardupilot", "px4", "multirotor", "rover", "boat"}
+    every = {"ardupilot", "px4", "multirotor", "rover", "boat", "plane", "vtol"}
     assert can.plans == can.on("", "").plans == every
     assert can.on("px4", "hexarotor").plans == {"px4", "multirotor"}
     assert can.on("ardupilot", "ground_rover").plans == {"ardupilot", "rover"}
+    assert can.on("ardupilot", "fixed_wing").plans == {"ardupilot", "plane"}
     assert can.on("an unknown autopilot", "vtol_tiltrotor").plans == every, "it flies no plans at all"
     simulated = configured(capabilities(MavlinkAdapter), mavlink("sim:ardupilot?vehicle=rover"))
     assert simulated.plans == {"ardupilot", "rover"}
