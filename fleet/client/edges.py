@@ -46,7 +46,7 @@ class UnknownRobot(Refused):
 class Edges:
     """The edges that can be reached: all that run on this machine, or the one of a fleet file.
 
-    ``joined`` are those that let us in, by their control ``sessions``; ``unreached`` says in words which of
+    ``joined`` are those that let us in by their control ``sessions``, ``unreached`` says in words which of
     them run but let nobody in.
     """
 
@@ -122,6 +122,9 @@ class Edges:
         """
         states, edges = self.states(), self.edges()
         found = [state for state in states if name in (state.name, f"{state.edge}/{state.name}")]
+        if len(found) > 1:  # of a pair, only the edge with the lease has the robot
+            waiting = {edge.edge for edge in edges if edge.pair not in {"", "holder"}}
+            found = [state for state in found if state.edge not in waiting] or found
         if len(found) > 1:
             which = ", ".join(f"{state.edge}/{state.name}" for state in found)
             raise UnknownRobot(f"there are several robots {name!r}", hint=f"say which one: {which}")
