@@ -184,6 +184,11 @@ def foreign_broker(request):
     return request.getfixturevalue("mosquitto" if PROGRAMS.find("mosquitto") else "broker")
 
 
+def pytest_xdist_auto_num_workers():
+    """Run one process more than there are processors: the tests wait for a third of their time."""
+    return None if "PYTEST_XDIST_AUTO_NUM_WORKERS" in os.environ else (os.cpu_count() or 1) + 1
+
+
 def pytest_addoption(parser, pluginmanager):
     """Add the tiers of the tests."""
     pluginmanager.register(TIERS, "tiers")
