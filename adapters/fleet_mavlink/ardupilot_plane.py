@@ -18,6 +18,7 @@ from fleet_mavlink.wings import Winged
 
 _CHANGE_MODE = 1.0  # param2 of DO_REPOSITION
 _BRAKING = 2.0  # m/s2 at which a QuadPlane comes to stand (Q_TRANS_DECEL)
+_FRESH = 1.5  # s between its position and its heartbeat
 _FASTEST_HOVER = 10.0  # m/s that are projected; what is faster flies on its wings
 
 
@@ -100,7 +101,7 @@ class ArduPlane(Winged, _ArduPlane):
     @property
     def settings(self) -> tuple[str, ...]:
         """The parameters by which it is moved; a plane without lifting rotors has no Q_GUIDED_MODE."""
-        return (*super().settings, "TKOFF_ALT", "Q_GUIDED_MODE")
+        return ("Q_GUIDED_MODE", *super().settings, "TKOFF_ALT")  # what a stop depends on comes first
 
     def takeoff_command(self, altitude: float, home_altitude: float) -> CommandLong:  # noqa: ARG002
         """Return the change to TAKEOFF, which climbs to TKOFF_ALT: NAV_TAKEOFF is for rotors."""
@@ -152,13 +153,13 @@ class QuadPlane(_ArduPlane):
 
     def hold_command(self, state: VehicleState) -> Ask:
         """Return the way to where it comes to stand; without a position QLAND."""
-        here = state.position
+        here = _here(state)
         return self.mode_command(self.land) if here is None else reposition(_stopping(here, state.velocity))
 
     def brakes(self, state: VehicleState) -> tuple[Brake, ...]:
         """Return the hold, and the landing where that is refused."""
         landing = Brake(self.land, self.mode_command(self.land))
-        return (landing,) if state.position is None else (Brake(self.hold, self.hold_command(state)), landing)
+        return (landing,) if _here(state) is None else (Brake(self.hold, self.hold_command(state)), landing)
 
     def takeoff_command(self, altitude: float, home_altitude: float) -> CommandInt:  # noqa: ARG002
         """Return NAV_TAKEOFF with the rotors; its height is above where it stands."""
@@ -219,6 +220,11 @@ def arduplane_of(state: VehicleState) -> Flavour:
     if not state.vtol_state:
         return _PLANE
     return _QUADPLANES[state.vtol_state in VTOL_HOVERS, bool(state.settings.get("Q_GUIDED_MODE"))]
+
+
+def _here(state: VehicleState) -> GeoPoint | None:
+    """Return where it is; None when that is too old to be sent there: a stop would fly it back."""
+    return None if state.heartbeat_at - state.position_at > _FRESH else state.position
 
 
 def _stopping(here: GeoPoint, velocity: Vector3 | None) -> GeoPoint:

@@ -124,6 +124,12 @@ class Flavour(VehicleKind):
     def hold_command(self, state: VehicleState) -> Ask:
         """Return the command that brakes at once and stays; the ``hold`` mode is then shown."""
 
+    def holding(self, state: VehicleState) -> tuple[str, Ask]:
+        """Return the mode that is shown after the command that brakes it as it is, and that command."""
+        if self.tries_brakes and (brakes := self.brakes(state)):
+            return brakes[0].mode, brakes[0].ask
+        return self.hold, self.hold_command(state)
+
     @abstractmethod
     def takeoff_command(self, altitude: float, home_altitude: float) -> Ask:
         """Return the command that climbs to ``altitude`` m above home (at ``home_altitude`` m AMSL)."""

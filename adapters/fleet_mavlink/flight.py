@@ -95,8 +95,8 @@ class Flight:
 
     async def hold(self) -> None:
         """Brake and stay; returns once the holding mode is shown."""
-        command = self.flavour.hold_command(self.vehicle.state)
-        await self.enter(self.flavour.hold, command, effect=Effect.NONE)
+        mode, command = self.flavour.holding(self.vehicle.state)
+        await self.enter(mode, command, effect=Effect.NONE)
 
     async def hold_if_ours(self) -> None:
         """Hold after a failure, unless somebody else has the vehicle or it cannot be reached.

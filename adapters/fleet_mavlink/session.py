@@ -253,15 +253,15 @@ class VehicleSession:
             return
         if not state.armed or (self.authority.lost_to and not takes_over):
             return
-        messages: list[MavlinkMessage] = []
-        if flavour.mode_of(state) == flavour.external and not flavour.tries_brakes:
-            messages.append(ned_setpoint(Vector3(), 0.0, self.vehicle.system))
+        streamed = flavour.mode_of(state) == flavour.external and not flavour.tries_brakes
+        messages: list[MavlinkMessage] = [ned_setpoint(Vector3(), 0.0, self.vehicle.system)] * streamed
         # Zero alone is not enough: PX4 descends when the setpoints of a stuck process end.
         if self.vehicle.connected:
             pending = self.commander.turns.current
             goes_on = pending is not None and not pending.superseded  # a landing: its mode is still to come
-            (self.authority.expect_also if goes_on else self.authority.expect)(flavour.hold)
-            messages.append(self.commander.addressed(flavour.hold_command(state)))
+            mode, ask = flavour.holding(state)
+            (self.authority.expect_also if goes_on else self.authority.expect)(mode)
+            messages.append(self.commander.addressed(ask))
         self._hub.send_from_any_thread(messages, self.vehicle)
 
     async def setup_signing(self) -> None:

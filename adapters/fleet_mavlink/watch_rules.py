@@ -11,7 +11,7 @@ from collections.abc import Iterable
 from typing import Any
 
 from fleet_mavlink.codec import is_read
-from fleet_mavlink.constants import Cmd
+from fleet_mavlink.constants import CUSTOM_MODE, Cmd
 from fleet_mavlink.messages import CommandLong
 
 _FASTEST = 200_000.0  # us between messages that a station may ask for by itself
@@ -50,9 +50,6 @@ _CHANGES = frozenset(
         "LOG_REQUEST_DATA",
         "LOG_REQUEST_END",
         "LOG_REQUEST_LIST",
-        "MISSION_CLEAR_ALL",
-        "MISSION_COUNT",
-        "MISSION_WRITE_PARTIAL_LIST",
         "PARAM_EXT_SET",
         "PARAM_SET",
     }
@@ -65,6 +62,9 @@ _MOVES = frozenset(
         "SET_POSITION_TARGET_LOCAL_NED",
     }
 )
+_ITEMS = frozenset({"MISSION_ITEM", "MISSION_ITEM_INT"})
+_PLANS = _ITEMS | {"MISSION_CLEAR_ALL", "MISSION_COUNT", "MISSION_WRITE_PARTIAL_LIST"}
+"""Of a mission (``mission_type`` 0) they change where a vehicle goes that flies it; fences only limit it."""
 _GUIDED_ITEM = 2  # ``current`` of a mission item that is a place to fly to at once
 _READ_COMMANDS = frozenset({410, 510, 512, 519, 520, 521, 522, 525, 527, 2504, 2505})
 _UNMOVING_COMMANDS = frozenset({*range(200, 207), 1000, 1001, *range(2000, 2600)})  # gimbal and camera
@@ -82,8 +82,9 @@ def need_of(message: Any, stops: Iterable[CommandLong] = ()) -> Need:
         return _need_of_mode(message, stops)
     if name == "FILE_TRANSFER_PROTOCOL":
         return Need.ANYBODY if message.payload[_FTP_OPCODE] in _READ_FILES else Need.OPERATOR
-    if name in {"MISSION_ITEM", "MISSION_ITEM_INT"}:
-        return Need.TAKES_OVER if message.current == _GUIDED_ITEM else Need.OPERATOR
+    if name in _PLANS:
+        guided = name in _ITEMS and message.current == _GUIDED_ITEM
+        return Need.TAKES_OVER if guided or not getattr(message, "mission_type", 0) else Need.OPERATOR
     for names, need in _TABLES:
         if name in names:
             return need
@@ -124,7 +125,7 @@ def _is_stop(message: Any, stops: Iterable[CommandLong]) -> bool:
     if message.command == Cmd.DO_PAUSE_CONTINUE:
         return bool(message.param1 == 0.0)
     if message.get_type() == "COMMAND_LONG" and message.command == Cmd.DO_REPOSITION:
-        place = (message.param5, message.param6, message.param7)  # so a ground station pauses PX4
+        place = (message.param4, message.param5, message.param6, message.param7)  # so PX4 is paused
         return message.param1 == _HERE and all(math.isnan(each) for each in place)
     return _is_among(message, stops)
 
@@ -144,9 +145,15 @@ def _is_among(message: Any, commands: Iterable[CommandLong]) -> bool:
 
 
 def _need_of_mode(message: Any, stops: Iterable[CommandLong]) -> Need:
-    """Return who may send SET_MODE, whose mode is the number that a heartbeat shows."""
-    main = float(message.custom_mode)
-    packed = (float(message.custom_mode >> 16 & 0xFF), float(message.custom_mode >> 24))
-    asked = [stop for stop in stops if stop.command == Cmd.DO_SET_MODE]
-    is_stop = any((stop.param2, stop.param3) in {(main, 0.0), packed} for stop in asked)
+    """Return who may send SET_MODE, whose mode is the number that a heartbeat shows.
+
+    Without the flag of a custom mode the number means something else: ArduPilot's safety switch, or a mode.
+    """
+    numbers = {_mode_number(stop) for stop in stops if stop.command == Cmd.DO_SET_MODE}
+    is_stop = bool(message.base_mode & int(CUSTOM_MODE)) and message.custom_mode in numbers
     return Need.STOP if is_stop else Need.TAKES_OVER
+
+
+def _mode_number(change: CommandLong) -> int:
+    """Return the number by which a heartbeat shows the mode of DO_SET_MODE; PX4's has two parts."""
+    return int(change.param2) << 16 | int(change.param3) << 24 if change.param3 else int(change.param2)

@@ -30,7 +30,10 @@ _TAKES = frozenset({Need.STOP, Need.TAKES_OVER})
 
 
 class WatchedVehicle:
-    """One vehicle for the stations of one link. ``stopped``: whether an emergency stop is set."""
+    """One vehicle for the stations of one link.
+
+    ``stopped``: whether an emergency stop is set; ``halt`` stops the vehicle by what this edge knows of it.
+    """
 
     def __init__(
         self,
@@ -41,6 +44,7 @@ class WatchedVehicle:
         *,
         authority: Authority,
         stopped: Callable[[], bool],
+        halt: Callable[[], None],
         log: logging.Logger,
     ) -> None:
         self._config = config
@@ -48,7 +52,7 @@ class WatchedVehicle:
         self._hub = hub
         self._vehicle = vehicle
         self._authority = authority
-        self._stopped = stopped
+        self._stopped, self._halt = stopped, halt
         self._notices = Notices(log, vehicle.now)
         self._packer = mav.MAVLink(None)
         self._reader = mav.MAVLink(None)
@@ -72,7 +76,9 @@ class WatchedVehicle:
             self._refuse(message, why)
             return
         kind = self._vehicle.kind
-        if need in _TAKES and kind is not None and self._vehicle.state.armed:
+        if need in _TAKES and isinstance(kind, Flavour) and self._vehicle.state.armed:
+            if need is Need.STOP:
+                self._halt()  # the station's own command may be one that this vehicle does not take
             who = f"ground station {frame.system}/{frame.component}"
             self._authority.taken_by(who, kind.mode_of(self._vehicle.state))
         self._pass_on(frame.raw)
@@ -148,7 +154,8 @@ def stops_of(vehicle: Vehicle) -> list[CommandLong]:
     stops = [ask for ask in asks if isinstance(ask, CommandLong)]
     if isinstance(kind, Flavour) and isinstance(kind.hold_command(vehicle.state), CommandLong):
         stops.append(kind.mode_command(kind.hold))
-    return stops
+    landing = kind.mode_command(kind.land) if isinstance(kind, Flavour) and kind.land else None
+    return [stop for stop in stops if stop != landing]  # where a QuadPlane cannot be held, it would be landed
 
 
 def ways_down_of(vehicle: Vehicle) -> list[CommandLong]:

@@ -43,6 +43,7 @@ async def _shown(
         session.vehicle,
         authority=session.authority,
         stopped=lambda: robot.emergency_stop,
+        halt=session.halt,
         log=robot.log,
     )
     with watcher.showing(session.vehicle.system, vehicle) as is_shown:

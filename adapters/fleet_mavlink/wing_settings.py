@@ -24,8 +24,16 @@ class WingSettings:
             while not await vehicle.until(self._is_met, _FOREVER):
                 vehicle.log.debug("nothing with wings is met")
             reboots = vehicle.state.reboots
-            known = [await self._read(name) for name in self._wanted]
-            await vehicle.restarted(reboots, _FOREVER if all(known) else _AGAIN)
+            for name in self._wanted:
+                await self._read(name)
+            await vehicle.restarted(reboots, _FOREVER if self._is_known else _AGAIN)
+
+    @property
+    def _is_known(self) -> bool:
+        """Whether all is known; one that is lost on the way looks like one that does not exist."""
+        state = self._vehicle.state
+        has_rotors = bool(state.vtol_state)
+        return all(name in state.settings for name in self._wanted if name != "Q_GUIDED_MODE" or has_rotors)
 
     @property
     def _wanted(self) -> tuple[str, ...]:
@@ -33,14 +41,12 @@ class WingSettings:
         flavour = self._vehicle.flavour
         return flavour.settings if flavour else ()
 
-    async def _read(self, name: str) -> bool:
-        """Read one; return whether it is known, or does not exist."""
+    async def _read(self, name: str) -> None:
+        """Read one."""
         try:
             await self._parameters.read([name])
         except CommandError as error:
             self._vehicle.log.info("%s is not known: %s", name, error)
-            return self._vehicle.connected
-        return True
 
     def _is_met(self, _state: VehicleState) -> bool:
         """Return whether it answers, and has wings."""

@@ -32,7 +32,7 @@ class LinkGate:
 
     def permits(self, epoch: int) -> bool:
         """Return whether a link of this epoch may be written to now."""
-        return epoch == self.epoch and self._clock() < self.until
+        return epoch != 0 and epoch == self.epoch and self._clock() < self.until
 
     def check(self, epoch: int, url: str) -> None:
         """Raise LinkLost unless a link of this epoch may be written to now."""

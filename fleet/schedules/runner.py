@@ -100,20 +100,26 @@ class Schedules:
             await self.turn()
             await asyncio.sleep(EVERY)
 
-    async def begin(self) -> None:
-        """Take up what an earlier process left, before anything else is started."""
+    async def begin(self, *, afresh: bool = False) -> None:
+        """Take up what an earlier process left, before anything else is started.
+
+        ``afresh``: another edge has fired the schedules since, so nothing is made up for.
+        """
         async with self._lock:
             if self._store.set_aside is not None:
                 self._event("", "what schedules fired before is lost: its file was damaged", Severity.ERROR)
             if not await self._kept(self._read):
                 return
+            if afresh:
+                self._seen = dict.fromkeys(self._configs, self._clock.time())
             for firing in await asyncio.to_thread(self._store.open):
                 config = self._configs.get(firing.schedule)
                 run = await self._starter.known(firing.key)
                 if run:
                     await self._started(firing, run, "it was started before the edge ended")
-                elif config is None:
-                    await self._skipped(firing, "the schedule is gone")
+                elif config is None or afresh:
+                    gone = "the schedule is gone"
+                    await self._skipped(firing, "another edge had the robots" if config else gone)
                 else:  # one that is made up for is as fresh as this process
                     now = self._clock.time() if config.missed == "once" else firing.recorded
                     self._waiting[firing.schedule] = msgspec.structs.replace(firing, recorded=now)
@@ -130,12 +136,15 @@ class Schedules:
     async def replace(self, configs: Mapping[str, ScheduleConfig]) -> None:
         """Have other schedules from now on; what waits of a schedule that is gone is skipped."""
         async with self._lock:
-            self._configs = dict(configs)
+            before, self._configs = self._configs, dict(configs)
             self._enabled = {name: one.enabled for name, one in configs.items()}
             self._seen.clear()
             self._next.clear()
-            for firing in [each for each in self._waiting.values() if each.schedule not in configs]:
-                await self._skipped(firing, "the schedule is gone")
+            for firing in list(self._waiting.values()):
+                new = configs.get(firing.schedule)
+                old = before.get(firing.schedule)
+                if new is None or old is None or new.digest() != old.digest():
+                    await self._skipped(firing, f"the schedule {'is gone' if new is None else 'has changed'}")
             await self._kept(self._read)
 
     async def turn(self) -> None:
@@ -160,6 +169,8 @@ class Schedules:
     async def start_now(self, name: str, *, by: str) -> Firing:
         """Fire a schedule by hand, whether it is enabled or not; return what became of it."""
         async with self._lock:
+            if name not in self._configs:
+                raise StateError(f"there is no schedule {name!r} any more")
             firing = Firing(name, self._clock.time())
             await self._record(name, [firing], firing.due, f"by {by}")
             waiting = self._waiting.get(name)
@@ -176,6 +187,9 @@ class Schedules:
             self._seen[name] = max(self._seen.get(name, now), now)
             self._next.pop(name, None)
             self._enabled[name] = enabled
+            waiting = None if enabled else self._waiting.get(name)
+            if waiting is not None:
+                await self._skipped(waiting, f"disabled by {by}")
             self._event(name, f"{'enabled' if enabled else 'disabled'} by {by}")
 
     async def states(self) -> list[ScheduleState]:

@@ -12,7 +12,6 @@ import threading
 from collections.abc import Callable, Coroutine
 from typing import Any, Protocol
 
-from fleet.errors import StateError
 from fleet.standby.lease import Entry, Lease, LeaseState, Wish
 from fleet.standby.store import ANSWER_WITHIN, LeaseStore
 
@@ -126,7 +125,7 @@ class LeaseKeeper:
         """Read the store."""
         try:
             entry, revision = await asyncio.wait_for(self._store.read(), 3 * ANSWER_WITHIN)
-        except (StateError, TimeoutError) as error:
+        except Exception as error:  # noqa: BLE001 - what nobody foresaw must not end the lease unseen
             self._silent(error)
             return
         self.problem = ""
@@ -141,7 +140,7 @@ class LeaseKeeper:
         entry = self.lease.begin(wish, stops, self._clock())
         try:
             revision = await asyncio.wait_for(self._store.write(entry, self.lease.revision), ANSWER_WITHIN)
-        except (StateError, TimeoutError) as error:
+        except Exception as error:  # noqa: BLE001 - what nobody foresaw must not end the lease unseen
             self.lease.unanswered()
             self._silent(error)
             return

@@ -29,7 +29,7 @@ log = logging.getLogger(__name__)
 
 BUCKET = "fleet_leases"
 CONNECT_WITHIN = 2  # s
-LARGEST = 65536  # bytes of an entry
+LARGEST = 1 << 20  # bytes of an entry, which is the most that a server takes of a message
 
 
 class NatsLease:
@@ -69,6 +69,8 @@ class NatsLease:
 
     async def _ready(self) -> KeyValue:
         """Return the bucket, connected; it is made where there is none."""
+        if self._client is not None and self._client.is_closed:  # for good, by an error of the server
+            self._client = self._bucket = None
         if self._client is None:
             self._client = await self._connected()
         if self._bucket is None:

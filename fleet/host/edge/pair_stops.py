@@ -15,6 +15,7 @@ from fleet.standby.stops import FollowedStops, OwnStop
 
 log = logging.getLogger(__name__)
 
+LONGEST_CAUSE = 80  # characters
 NOT_KNOWN = "nobody knows which stops were set: the lease service had no entry of the pair"
 
 
@@ -29,8 +30,12 @@ class PairStops:
 
     @property
     def listed(self) -> dict[str, str]:
-        """The robots whose emergency stop is set, with its cause; from any thread."""
-        return {name: each.controller.latch.why for name, each in self._robots.items() if _is_set(each)}
+        """The robots whose emergency stop is set, with its cause; from any thread.
+
+        The beginning of each cause: those of a thousand robots must fit into the lease.
+        """
+        stopped = {name: each.controller.latch for name, each in self._robots.items() if _is_set(each)}
+        return {name: latch.why[:LONGEST_CAUSE] for name, latch in stopped.items()}
 
     def take_over(self, entry: Entry | None) -> None:
         """Set what was set when the lease was taken; everything, where nobody knows. No robot runs yet."""
@@ -49,7 +54,11 @@ class PairStops:
         self._engage({name: self._cause(why) for name, why in what.stop.items()})
         for name in what.release:
             log.warning("%s: its emergency stop was released at edge %s", name, entry.edge)
-            self._robots[name].controller.latch.release()
+            latch = self._robots[name].controller.latch
+            latch.release()
+            if latch.asked != own[name].asked:  # a stop came meanwhile, on the bus's thread
+                latch.engage("a stop that came with the release")
+                latch.record()
         if what.forward:
             self._bus_session.put(keys.stop(entry.edge), msgspec.json.encode(what.forward), urgent=True)
 

@@ -76,8 +76,10 @@ class EdgeSchedules:
         """Why nothing can be fired; empty while it can."""
         return self._problem or (self._schedules.problem if self._schedules else "")
 
-    async def run(self) -> None:
-        """Fire what is due until cancelled."""
+    async def run(self, *, afresh: bool = False) -> None:
+        """Fire what is due until cancelled; ``afresh``: another edge did it until now."""
+        if afresh:  # it has acted on these events
+            self._events = asyncio.Queue(WAITING)
         await self._needed.wait()
         try:
             store = await asyncio.to_thread(Store, self._folder)
@@ -95,7 +97,7 @@ class EdgeSchedules:
             stopped=self._stopped,
         )
         try:
-            await self._schedules.begin()
+            await self._schedules.begin(afresh=afresh)
             self._served.set()
             async with asyncio.TaskGroup() as group:
                 group.create_task(self._schedules.run())
@@ -107,6 +109,7 @@ class EdgeSchedules:
             log.exception("%s", self._problem)
         finally:
             self._served.set()
+            self._schedules = None
             await asyncio.to_thread(store.close)  # it waits for the disk, and robots may be stopped just now
 
     def before(self, told: Told) -> Told:
@@ -181,7 +184,7 @@ class EdgeSchedules:
             await self._served.wait()
         schedules = self._schedules
         if schedules is None or self._problem:
-            return ScheduleAnswer(refusal=self._problem)
+            return ScheduleAnswer(refusal=self._problem or "this edge fires no schedules now")
         if asked.do == "run":
             firing = await schedules.start_now(asked.name, by=asked.by)
             if not firing.run:

@@ -13,6 +13,7 @@ import os
 import uuid
 from collections.abc import Callable, Coroutine
 from functools import partial
+from typing import Protocol
 
 import msgspec
 
@@ -45,6 +46,13 @@ def open_gate(config: FleetConfig) -> LinkGate | None:
     return gate
 
 
+class Serve(Protocol):
+    """What runs only while the robots are this edge's."""
+
+    def __call__(self, *, afresh: bool) -> Coroutine[object, object, None]:
+        """Serve until cancelled; ``afresh``: another edge had the robots until now."""
+
+
 class Standby:
     """One edge's part in its pair. ``serve`` is what runs only while the edge holds the lease."""
 
@@ -54,7 +62,7 @@ class Standby:
         gate: LinkGate,
         process: RobotProcess,
         *,
-        serve: Callable[[], Coroutine[object, object, None]],
+        serve: Serve,
     ) -> None:
         assert config.pair is not None
         self._edge = config.edge.id
@@ -161,10 +169,16 @@ class Standby:
             own = _EpochPermit(begins, holds=holds, reached=partial(_is_reached, robot))
             robot.controller.permit.refusal = own.refusal
             robot.controller.permit.stopped = own.stopped
+        afresh = takeover.entry is not None and takeover.entry.edge == self._other
+        for robot in self._robots if afresh else ():
+            apart = robot.controller.guard.apart
+            if apart is not None and robot.config.start is not None:  # from which it may be far away by now
+                apart.placement, apart.at = None, None
+                apart.lost = f"edge {self._other} may have moved it since its start"
         self._barred, self._why = False, ""
         for twin in {robot.twin for robot in self._robots}:
             self._on_holder(twin, self._holders.get(twin, ""))
-        self._serving = asyncio.ensure_future(self._serve())
+        self._serving = asyncio.ensure_future(self._serve(afresh=afresh))
         self._process.runs.lift(self._robots)
 
     def _fenced(self) -> None:
@@ -229,13 +243,13 @@ class Alone:
     problem = role = ""
     epoch = 0
 
-    def __init__(self, serve: Callable[[], Coroutine[object, object, None]]) -> None:
+    def __init__(self, serve: Serve) -> None:
         self._serve = serve
         self._serving: asyncio.Task[None] | None = None
 
     def begin(self) -> None:
         """Serve."""
-        self._serving = asyncio.create_task(self._serve(), name="schedules")
+        self._serving = asyncio.create_task(self._serve(afresh=False), name="schedules")
 
     def ending(self) -> None:
         """End what is served: this edge ends."""
@@ -252,7 +266,7 @@ def part_in_pair(
     config: FleetConfig,
     gate: LinkGate | None,
     process: RobotProcess,
-    serve: Callable[[], Coroutine[object, object, None]],
+    serve: Serve,
 ) -> Standby | Alone:
     """Return the edge's part in its pair; ``serve`` runs while the robots are this edge's."""
     return Alone(serve) if gate is None else Standby(config, gate, process, serve=serve)

@@ -27,6 +27,9 @@ def asked(command, *params):
     return mav.MAVLink_command_long_message(1, 1, command, 0, *(*params, *([0.0] * (7 - len(params)))))
 
 
+FENCE = 1  # mission_type
+
+
 def file_message(opcode):
     payload = struct.pack("<HBBBBBxI", 7, 3, opcode, 0, 0, 0, 0).ljust(251, b"\0")
     return mav.MAVLink_file_transfer_protocol_message(0, 1, 1, list(payload))
@@ -52,11 +55,13 @@ def item(current):
         (asked(511, 30, 250_000), Need.NOBODY),  # ATTITUDE: this edge flies by it
         (asked(511, NAN, 250_000), Need.NOBODY),
         (mav.MAVLink_param_set_message(1, 1, b"RTL_ALT", 5.0, 9), Need.OPERATOR),
-        (mav.MAVLink_mission_count_message(1, 1, 4, 0), Need.OPERATOR),
-        (mav.MAVLink_mission_clear_all_message(1, 1, 0), Need.OPERATOR),
-        (item(0), Need.OPERATOR),
+        (mav.MAVLink_mission_count_message(1, 1, 4, FENCE), Need.OPERATOR),
+        (mav.MAVLink_mission_clear_all_message(1, 1, FENCE), Need.OPERATOR),
         (file_message(6), Need.OPERATOR),
         (asked(2000, 0, 0, 1), Need.OPERATOR),  # a picture moves nothing
+        (mav.MAVLink_mission_count_message(1, 1, 4, 0), Need.TAKES_OVER),  # of what it may be flying
+        (mav.MAVLink_mission_clear_all_message(1, 1, 0), Need.TAKES_OVER),
+        (item(0), Need.TAKES_OVER),
         (item(2), Need.TAKES_OVER),  # a place to fly to at once
         (asked(Cmd.COMPONENT_ARM_DISARM, 1), Need.TAKES_OVER),
         (asked(Cmd.NAV_TAKEOFF, 0, 0, 0, 0, 0, 0, 10), Need.TAKES_OVER),
@@ -88,6 +93,10 @@ def test_who_may_send_what(message, need):
         (PX4, asked(Cmd.DO_SET_MODE, 1, 4, 5), Need.TAKES_OVER),
         (PX4, asked(Cmd.DO_REPOSITION, -1, 1, 0, NAN, NAN, NAN, NAN), Need.STOP),
         (PX4, asked(Cmd.DO_REPOSITION, -1, 1, 0, NAN, 47.4, 8.5, 500), Need.TAKES_OVER),
+        (PX4, asked(Cmd.DO_REPOSITION, -1, 1, 0, 1.0, NAN, NAN, NAN), Need.TAKES_OVER),  # turns it
+        (PX4, mav.MAVLink_set_mode_message(1, 4, 0x03040000), Need.TAKES_OVER),  # starts its mission
+        (COPTER, mav.MAVLink_set_mode_message(1, 128, BRAKE), Need.TAKES_OVER),  # the safety switch
+        (COPTER, mav.MAVLink_set_mode_message(1, 1, BRAKE << 16 | 3), Need.TAKES_OVER),  # AUTO, for ArduPilot
         (PX4, mav.MAVLink_set_mode_message(1, 1, 0x03040000), Need.STOP),
         (PX4, asked(Cmd.COMPONENT_ARM_DISARM, 0, 21196), Need.TAKES_OVER),  # falls
         (PX4, asked(185, 1), Need.TAKES_OVER),  # flight termination

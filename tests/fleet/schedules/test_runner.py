@@ -48,7 +48,7 @@ class Yard:
         self.configs = {}
         self.schedules = None
 
-    async def serve(self, **configs):
+    async def serve(self, *, afresh=False, **configs):
         """Begin a process with these schedules."""
         self.configs = {name: ScheduleConfig(mission="patrol", **each) for name, each in configs.items()}
         self.store = Store(self.folder)
@@ -60,7 +60,7 @@ class Yard:
             tell=self.events.append,
             stopped=lambda: self.stopped,
         )
-        await self.schedules.begin()
+        await self.schedules.begin(afresh=afresh)
         return self.schedules
 
     async def after(self, seconds):
@@ -155,16 +155,54 @@ async def test_what_is_busy_is_skipped_waited_for_or_replaced(yard, busy, starte
     assert told in " ".join(yard.told())
 
 
-async def test_one_that_waits_gives_way_to_a_later_one_and_is_skipped_when_it_is_too_late(yard):
+async def test_one_that_waits_gives_way_to_a_later_one(yard):
     await yard.serve(dawn={"every": "10 min", "busy": "queue", "late": "15 min"})
     yard.runs.answer = Begun(busy="run-9")
     await yard.after(600.0)
     await yard.after(600.0)
     assert yard.states() == [(600.0, SKIPPED), (1200.0, DUE)]
-    await yard.schedules.enable("dawn", enabled=False, by="anna")
+
+
+async def test_one_that_waits_is_skipped_when_it_is_too_late(yard):
+    await yard.serve(dawn={"every": "40 min", "busy": "queue", "late": "15 min"})
+    yard.runs.answer = Begun(busy="run-9")
+    await yard.after(2400.0)
     await yard.after(1000.0)
-    assert yard.states() == [(600.0, SKIPPED), (1200.0, SKIPPED)]
+    assert yard.states() == [(2400.0, SKIPPED)]
     assert "it was due 1000 s ago" in yard.told()[-1]
+
+
+async def test_one_that_waits_is_skipped_when_its_schedule_is_switched_off_or_changed(yard):
+    waits = {"every": "10 min", "busy": "queue"}
+    schedules = await yard.serve(off=waits, other=waits)
+    yard.runs.answer = Begun(busy="run-9")
+    await yard.after(600.0)
+    await schedules.enable("off", enabled=False, by="anna")
+    new = {
+        "off": ScheduleConfig(mission="patrol", **waits),
+        "other": ScheduleConfig(mission="night", **waits),
+    }
+    await schedules.replace(new)
+    told = yard.told()
+    assert "schedule off: skipped: disabled by anna" in told
+    assert "schedule other: skipped: the schedule has changed" in told
+    yard.runs.answer = None
+    await yard.after(60.0)
+    assert [wanted.mission for wanted in yard.runs.wanted] == ["patrol", "patrol"], "both were busy then"
+
+
+async def test_what_another_edge_has_fired_meanwhile_is_not_made_up_for(yard):
+    once = {"every": "1 h", "missed": "once"}
+    await yard.serve(dawn=once)
+    yard.store.record("dawn", [Firing("dawn", START + 3600.0, recorded=START + 3600.0)], START + 3600.0)
+    yard.store.close()
+    yard.clock.advance(5 * 3600.0 + 60.0)
+    await yard.serve(afresh=True, dawn=once)
+    await yard.after(10.0)
+    assert yard.runs.wanted == []
+    assert "schedule dawn: skipped: another edge had the robots" in yard.told()
+    await yard.after(3600.0)
+    assert len(yard.runs.wanted) == 1
 
 
 async def test_robots_whose_emergency_stop_is_set_are_named_and_left_out_and_that_is_told(yard):
