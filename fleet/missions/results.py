@@ -15,6 +15,7 @@ bound                  what happens beyond it
 
 from __future__ import annotations
 
+import contextlib
 import logging
 import shutil
 from collections.abc import Callable, Iterable
@@ -108,7 +109,8 @@ class Results:
             except OSError as error:
                 log.warning("results of missions cannot be kept: %s", error)
 
-        self._thread.submit(guarded)
+        with contextlib.suppress(RuntimeError):  # the edge ends: the next start prunes what is left
+            self._thread.submit(guarded)
 
     def _put(self, run: str, name: str, content: bytes, mode: Literal["ab", "xb"]) -> None:
         """Write to a file of a run."""

@@ -237,28 +237,23 @@ class Changes:
     async def _elsewhere(
         self, worker: str, changes: list[Change], new: Loaded, asked: ChangesAsked
     ) -> list[Change]:
-        """Change the robots of a worker, which starts again."""
-        if asked.force and (moves := self._loosens_in_motion(changes, new)):
-            return [_ended(change, Outcome.REFUSED, moves) for change in changes]
+        """Change the robots of a worker, which starts again.
+
+        Where it allows more, ``force`` does not count: the worker alone knows now whether its robots rest.
+        """
         names = [change.name for change in changes]
         configs = {name: _config_of(new, name) for name in names}
+        looser = [name for name in names if may_loosen(_config_of(self._running, name), configs[name])]
         after = _with(self._running, configs, {name: new.given[name] for name in names})
-        outcome, why = await self._workers.change(worker, after, force=asked.force)
+        outcome, why = await self._workers.change(worker, after, force=asked.force and not looser)
+        if outcome is Outcome.REFUSED and asked.force and looser:
+            why += f"; what holds {', '.join(looser)} back is not loosened in motion"
         if outcome in {Outcome.DONE, Outcome.PARTLY}:
             for name, config in configs.items():
                 self._remote[name].configure(config)
             self._running = after
             self._tell()
         return [_ended(change, outcome, why) for change in changes]
-
-    def _loosens_in_motion(self, changes: Iterable[Change], new: Loaded) -> str:
-        """Return which robot of a worker may be allowed more though it moves; empty for none."""
-        for change in changes:
-            name = change.name
-            moves = self._workers.moving(self._remote[name])
-            if moves and may_loosen(_config_of(self._running, name), _config_of(new, name)):
-                return f"{moves}: what holds it back is not loosened; stop it first"
-        return ""
 
     def _runs_with(self, configs: Mapping[str, AdapterConfig], given: Mapping[str, str]) -> None:
         """Note what the edge runs with from now on."""

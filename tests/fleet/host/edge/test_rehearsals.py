@@ -76,14 +76,15 @@ async def test_a_mission_that_must_be_rehearsed_is_started_after_a_pass_alone(re
         assert place.words("rex").count("walk") == 1
 
 
-async def test_a_pass_outlives_the_edge_but_not_a_change_of_fleet_yaml(ready, fleet):
+async def test_a_pass_outlives_the_edge_but_not_a_change_of_fleet_yaml(ready, fleet, asks):
     async with ready() as (place, _):
         assert (await fleet("mission", "rehearse", "patrol"))[0] == 0
     kept = state_folder(place.id) / rehearsals.PASSES
     assert kept.stat().st_mode & 0o777 == 0o600
-    async with ready():
+    async with ready() as (_, edge):
         assert (await fleet("mission", "run", "patrol", "--detach"))[0] == 0
         assert (await fleet("mission", "abort"))[0] == 0
+        await asks.until(lambda: not edge.missions.runs.all())
     async with ready(defaults={"limits": {"speed": 0.5}}):
         code, _, err = await fleet("mission", "run", "patrol")
         assert (code, "fleet.yaml has changed since the rehearsal" in err) == (5, True)
