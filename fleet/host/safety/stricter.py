@@ -7,12 +7,10 @@ from __future__ import annotations
 
 import math
 
+from fleet.config.difference import SETTINGS
 from fleet.host.safety.source_policy import SourcePolicy
 from fleet.model.polygon import Polygon, crosses, polygon_contains
 from fleet.robot_config import Accepts, AdapterConfig, BatteryPolicy, FenceConfig, Limits, Separation
-
-ENFORCED = ("accepts", "limits", "fence", "battery_policy", "separation")
-"""The fields that the host enforces by itself."""
 
 
 def as_strict_as_both(
@@ -38,7 +36,7 @@ def held_back(
 ) -> AdapterConfig:
     """Return the new configuration, with all that is stricter in the old one."""
     both = as_strict_as_both(old, new, limits=limits, separation=separation)
-    return new.model_copy(update={name: getattr(both, name) for name in ENFORCED})
+    return new.model_copy(update={name: getattr(both, name) for name in SETTINGS})
 
 
 def may_loosen(old: AdapterConfig, new: AdapterConfig) -> bool:

@@ -43,16 +43,10 @@ class WorkerChanges:
         if worker not in self._workers:
             return f"worker {worker} was started by hand: end it, and start it with the new file"
         for robot in self._of(worker):
-            if self.moving(robot) or robot.state().run:
-                return f"{robot.name}, of the same worker, does not rest"
-        return ""
-
-    def moving(self, robot: RemoteRobot) -> str:
-        """Return that a robot moves, as far as the edge knows; empty for one that stands."""
-        state = robot.state()
-        moves = state.speed is not None and state.speed > STILL
-        if (state.activity and state.activity != LATCHED) or state.armed or moves:
-            return f"{state.name} moves"
+            state = robot.state()
+            moves = state.speed is not None and state.speed > STILL
+            if (state.activity and state.activity != LATCHED) or state.armed or state.run or moves:
+                return f"{state.name}, of the same worker, does not rest"
         return ""
 
     async def change(self, worker: str, after: Loaded, *, force: bool) -> tuple[Outcome, str]:
