@@ -34,6 +34,11 @@ from fleet.spool.state_folder import state_folder
 )
 @click.option("--link", "link_only", is_flag=True, help="Print a new link to each console that runs.")
 @click.option(
+    "--foxglove",
+    is_flag=True,
+    help="Print an address for Foxglove, of each console that runs: a live view that changes nothing.",
+)
+@click.option(
     "--permission",
     type=click.Choice([each.word for each in Permission]),
     default=Permission.ADMIN.word,
@@ -52,6 +57,7 @@ def console(
     *,
     port: int | None,
     link_only: bool,
+    foxglove: bool,
     permission: str,
     recordings: str | None,
     file: str | None,
@@ -66,8 +72,8 @@ def console(
     if click.get_current_context().invoked_subcommand is not None:
         return ExitCode.OK
     asked = LinkAsked(local_user(), Permission[permission.upper()])
-    if link_only:
-        return _links(out, asked)
+    if link_only or foxglove:
+        return _links(out, msgspec.structs.replace(asked, to="foxglove") if foxglove else asked)
     if not is_installed():
         raise click.ClickException(EXTRA)
     task = _task(port, recordings) if file is None else _task_of(file, port, recordings)

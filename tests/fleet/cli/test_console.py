@@ -41,6 +41,8 @@ def test_it_runs_without_any_edge_prints_a_link_and_another_for_each_that_asks(f
     second = fleet("console", "--link", "--permission", "view")
     assert LINK.fullmatch(second.out.strip())
     assert second.out.strip() != first
+    viewed = fleet("console", "--foxglove").out.strip()
+    assert re.fullmatch(r"ws://127\.0\.0\.1:\d+/foxglove/\S{40,}", viewed)
     running.terminate()
     assert running.wait(DEADLINE) == 0
 
