@@ -1,7 +1,7 @@
 """Messages of the Foxglove WebSocket protocol, as far as a read-only server needs them; pure.
 
-Source: the specification in https://github.com/foxglove/ws-protocol. The protocol of Foxglove's SDK is the same
-under a newer name.
+Source: the specification in https://github.com/foxglove/ws-protocol. The protocol of Foxglove's SDK is the
+same under a newer name.
 """
 
 from __future__ import annotations

@@ -117,7 +117,7 @@ def test_foxglove_is_offered_topics_and_sent_what_it_subscribes_to(open_viewer, 
     viewer = open_viewer()
     assert viewer.socket.subprotocol == PROTOCOLS[0]
     viewer.until(lambda: "/yard-1/rex/state" in viewer.channels)
-    publisher = edge.reports.publisher(POSITION)
+    publisher = edge.reports.publisher(LOG)  # the console itself hears positions always
     wait_until("the reports to be wanted", lambda: publisher.wanted)
     edge.reports.put(POSITION, pose(1.0))
     channel = viewer.subscribe(5, "/yard-1/rex/position")
