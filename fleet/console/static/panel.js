@@ -7,6 +7,8 @@ import { askButton, holder, isAnothers } from "./control.js";
 import { health, healthKey, missions, runs, schedules } from "./overview.js";
 import { noPad, padOf } from "./pad.js";
 import { plots, plotsKey, startPlots } from "./plots.js";
+import { rehearsalKey, rehearsed, startRehearsal } from "./rehearsal.js";
+import { fit, map, view } from "./mapview.js";
 import { ask, label, onChange, send, staleness, store } from "./store.js";
 import { stoppedRobots } from "./stopview.js";
 
@@ -290,6 +292,7 @@ function draw() {
   const alone = !chosen.length;
   part("health", alone && healthKey(), () => (alone ? health() : []));
   part("runs", alone && [store.runs, store.permission, now], () => (alone ? runs() : []));
+  part("rehearsed", alone && now && rehearsalKey(), () => (alone && now ? rehearsed() : []));
   part("missions", alone && [store.missions, store.permission], () => (alone ? missions() : []));
   part("cannot", robot && described && [robot.id, described, store.permission], () => (robot && described ? cannot(robot, described) : []));
   part("schedules", alone && [store.schedules, store.permission], () => (alone ? schedules() : []));
@@ -324,6 +327,7 @@ export function startPanel() {
   });
   startPlots(draw);
   startConfigurations(draw);
+  startRehearsal(draw, () => (map.dirty = true), () => view.touched || fit());
   const pane = byId("robot");
   pane.addEventListener("pointerdown", () => (held = true));
   for (const end of ["pointerup", "pointercancel"]) {
