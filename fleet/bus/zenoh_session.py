@@ -138,7 +138,7 @@ class ZenohSession:
         self._kept.clear()
         self._session.close()
         # A thread that returns from Zenoh after the interpreter has ended would abort the process.
-        for thread in self._threads:
+        for thread in tuple(self._threads):
             thread.join(LAST_CALL)
 
     def reached(self) -> list[str]:
@@ -209,8 +209,10 @@ class ZenohSession:
 
         self.subscribe(pattern, arrived)
 
-    def gather(self, key: str, call: OnSamples) -> None:
+    def gather(self, key: str, call: OnSamples) -> Callable[[], None]:
         """Call ``call`` with batches of the samples of other sessions under ``key``, in order.
+
+        Returns what ends it; a last call may come while that runs.
 
         It is called on a thread of its own and may work, but not wait. A callback per sample would take the
         GIL from the running thread each time, which costs more than the work itself at high rates.
@@ -224,6 +226,15 @@ class ZenohSession:
         thread = threading.Thread(target=_gather, args=work, name="fleet-bus", daemon=True)
         self._threads.append(thread)
         thread.start()
+
+        def end() -> None:
+            if samples in self._kept:
+                self._kept.remove(samples)
+                samples.undeclare()
+                thread.join(LAST_CALL)
+                self._threads.remove(thread)
+
+        return end
 
     def answer(self, key: str, call: Callable[[Query], None], *, more: str = "") -> None:
         """Call ``call`` with each query on ``key``; it, or other code later, must reply to and close it.
