@@ -3,6 +3,7 @@
 import { byId, counted, duration, element, figure, healthMark, show, timeOfDay } from "./dom.js";
 import { order } from "./answers.js";
 import { configurationKey, configurations, startConfigurations } from "./configuration.js";
+import { bodyKey, bodyOf, startBody } from "./body.js";
 import { askButton, holder, isAnothers } from "./control.js";
 import { health, healthKey, missions, runs, schedules } from "./overview.js";
 import { noPad, padOf } from "./pad.js";
@@ -298,6 +299,8 @@ function draw() {
   part("schedules", alone && [store.schedules, store.permission], () => (alone ? schedules() : []));
   part("configuration", alone && now && configurationKey(), () => (alone && now ? configurations() : []));
   part("figures", robot && [robot, position(robot), store.poses[robot.id]], () => (robot ? [facts(robot)] : []));
+  const drawn = robot && described?.body?.length;
+  part("body", drawn && bodyKey(robot), () => (drawn ? bodyOf(robot) : []));
   const drives = robot && described?.drives && operates() ? described : null;
   part("driving", drives && [robot.id, drives.limits], () => (drives ? [element("h3", {}, "Drive by hand"), padOf(robot, drives)] : noPad() || []));
   // While a form is open, nothing that is told replaces what is typed into it.
@@ -326,6 +329,7 @@ export function startPanel() {
     draw();
   });
   startPlots(draw);
+  startBody();
   startConfigurations(draw);
   startRehearsal(draw, () => (map.dirty = true), () => view.touched || fit());
   const pane = byId("robot");
