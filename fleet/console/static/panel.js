@@ -296,7 +296,7 @@ function draw() {
   part("rehearsed", alone && now && rehearsalKey(), () => (alone && now ? rehearsed() : []));
   part("missions", alone && [store.missions, store.permission], () => (alone ? missions() : []));
   part("cannot", robot && described && [robot.id, described, store.permission], () => (robot && described ? cannot(robot, described) : []));
-  part("schedules", alone && [store.schedules, store.permission], () => (alone ? schedules() : []));
+  part("schedules", alone && [store.schedules, store.permission, now], () => (alone ? schedules() : []));
   part("configuration", alone && now && configurationKey(), () => (alone && now ? configurations() : []));
   part("figures", robot && [robot, position(robot), store.poses[robot.id]], () => (robot ? [facts(robot)] : []));
   const drawn = robot && described?.body?.length;
