@@ -9,6 +9,7 @@
 ``GET /ws``                the WebSocket of a page
 ``POST /api/stop``         an emergency stop; a request that is known by the WebSocket is not asked again
 ``GET /api/stops/ID``      how that stop goes
+``GET /api/photos/ROBOT``  the newest picture of a robot that a page shows
 ``POST /api/recording``    a window of the recordings as a file
 ``GET /foxglove/TOKEN``    the WebSocket of Foxglove, on loopback only
 =========================  ==========================================================================
@@ -104,6 +105,7 @@ class _App:
                 Route("/api/logout", self._log_out, methods=["POST"]),
                 Route("/api/stop", self._stop, methods=["POST"]),
                 Route("/api/stops/{request}", self._stopped),
+                Route("/api/photos/{robot:path}", self._photo),
                 Route("/api/recording", self._recording, methods=["POST"]),
                 WebSocketRoute("/ws", self._tab),
                 *views,
@@ -203,6 +205,15 @@ class _App:
             return self._nobody()
         found = self._hub.view.get("stops", request.path_params["request"])
         return _json(found) if found else _json({"error": "there is no such stop"}, 404)
+
+    async def _photo(self, request: Request) -> Response:
+        """Send the newest picture of a robot."""
+        if self._operator(request) is None:
+            return self._nobody()
+        photo = self._hub.edges.watched.photos.newest(request.path_params["robot"])
+        if photo is None:
+            return _json({"error": "there is no picture of it"}, 404)
+        return Response(photo, media_type="image/jpeg")
 
     async def _recording(self, request: Request) -> Response:
         """Send a window of the recordings."""
