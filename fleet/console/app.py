@@ -19,7 +19,7 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
-from collections.abc import Mapping
+from collections.abc import AsyncIterator, Mapping
 from typing import Annotated
 
 import msgspec
@@ -27,7 +27,7 @@ from starlette.applications import Starlette
 from starlette.requests import HTTPConnection, Request
 from starlette.responses import Response, StreamingResponse
 from starlette.routing import Route, WebSocketRoute
-from starlette.types import ASGIApp
+from starlette.types import ASGIApp, Receive, Scope, Send
 from starlette.websockets import WebSocket
 
 from fleet.console.exports import Window
@@ -77,6 +77,19 @@ def make_app(hub: Hub, sessions: Sessions) -> ASGIApp:
 def make_login_app(hub: Hub, login: Login, served: Served) -> ASGIApp:
     """Return the console on which people log in, as an ASGI application behind its guard."""
     return Guard(_App(hub, login.sessions, page_files(), login).routes(), served)
+
+
+class _Export(StreamingResponse):
+    """A file that is being exported; ``stack`` ends that, also when the browser has gone before it began."""
+
+    def __init__(self, blocks: AsyncIterator[bytes], stack: contextlib.AsyncExitStack) -> None:
+        super().__init__(blocks, media_type="application/octet-stream")
+        self._stack = stack
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Send the file."""
+        async with self._stack:
+            await super().__call__(scope, receive, send)
 
 
 class _App:
@@ -220,14 +233,15 @@ class _App:
         operator = self._operator(request)
         if operator is None:
             return self._nobody()
-        try:
-            window = decode_json(await _body(request), Window)
-            file = await self._hub.exports.export(window, operator)
-        except (msgspec.DecodeError, WireError) as error:
-            return _json({"error": f"the window cannot be read: {error}"}, 400)
-        except Refused as error:
-            return _json({"error": f"{error.reason}{error.hint and f' ({error.hint})'}"}, 403)
-        return StreamingResponse(file, media_type="application/octet-stream")
+        async with contextlib.AsyncExitStack() as stack:
+            try:
+                window = decode_json(await _body(request), Window)
+                export = await stack.enter_async_context(self._hub.exports.export(window, operator))
+            except (msgspec.DecodeError, WireError) as error:
+                return _json({"error": f"the window cannot be read: {error}"}, 400)
+            except Refused as error:
+                return _json({"error": f"{error.reason}{error.hint and f' ({error.hint})'}"}, 403)
+            return _Export(export.blocks(), stack.pop_all())
 
     async def _tab(self, socket: WebSocket) -> None:
         """Serve the WebSocket of a page."""
