@@ -46,9 +46,17 @@ class _NextTurnCall:
             self._asked = True
             self._loop.call_soon(self._make)
 
+    def cancel(self) -> None:
+        """Make no call any more, and forget what was to be called."""
+        self._call = _do_nothing
+
     def _make(self) -> None:
         self._asked = False
         self._call()
+
+
+def _do_nothing() -> None:
+    """Be called where nothing is to be done any more."""
 
 
 class MqttConnection:
@@ -186,7 +194,7 @@ class MqttConnection:
             code = mqtt5.DisconnectReasonCode.MALFORMED_PACKET
             self._failure = SessionEnded(f"the broker sent {error}", code)
         except CloudError as error:
-            self._failure = error
+            self._failure = error.with_traceback(None)  # whose frames would keep this connection alive
         except Exception as error:
             logger.exception("reading what the broker sent failed in a way that was not foreseen")
             self._failure = CloudError(f"{type(error).__name__}: {error}")
@@ -254,7 +262,7 @@ class MqttConnection:
             self._end(reason)
             # What the kernel still holds of states from before a network fell silent would else arrive as
             # news when that comes back.
-            self._stream.close(reset=code is None)
+            self._close(reset=code is None)
 
     async def leave(self, patience: float) -> None:
         """Say goodbye, so that the broker keeps the will to itself, and close within ``patience`` seconds."""
@@ -264,7 +272,17 @@ class MqttConnection:
             self._stream.shut()
         await asyncio.wait([self.gone], timeout=patience)
         with self._lock:
-            self._stream.close(reset=True)
+            self._close(reset=True)
+
+    def _close(self, *, reset: bool) -> None:
+        """Close the socket, and end the circles of references.
+
+        The garbage collector runs seldom. Until it did, a broker that is reached and lost again and again
+        would cost memory each time.
+        """
+        self._stream.close(reset=reset)
+        self._take_on.cancel()
+        self._go_on.cancel()
 
     def _ping(self) -> KeepaliveAction:
         """Ping when that is due; return what is."""
