@@ -61,6 +61,8 @@ SETTINGS = frozenset(
         "FW_AIRSPD_TRIM",
         "NAV_LOITER_RAD",
         "Q_GUIDED_MODE",
+        "Q_TRANS_DECEL",
+        "Q_WP_SPEED",
         "TKOFF_ALT",
         "WP_LOITER_RAD",
     }
