@@ -172,3 +172,23 @@ def test_a_quadplane_ends_a_mission_at_its_last_place_and_flies_it_within_its_li
             assert it.mode in {"LOITER", "GUIDED"}
 
     fly(main())
+
+
+@pytest.mark.parametrize("flavour", ["ardupilot", "px4"])
+def test_a_plane_tells_how_wide_it_circles_and_a_vtol_while_it_is_on_its_wings(fly, sky, flavour):
+    async def main():
+        async with sky(flavour, vehicle="plane", limits={"speed": 30.0}) as it:
+            await it.met()
+            await it.until(lambda: it.robot.circle == 95.0, 60.0)
+        async with sky(flavour, vehicle="vtol", limits={"speed": 30.0}) as it:
+            if flavour == "ardupilot":
+                await hovering(it)
+            else:
+                await it.met()
+                await it.until(lambda: "FW_AIRSPD_MIN" in it.state.settings)
+                await it.do("takeoff", altitude=40.0)
+            assert it.robot.circle == 0.0
+            await it.do("transition", to="forward")
+            await it.until(lambda: it.robot.circle == 95.0, 3.0)
+
+    fly(main())
