@@ -16,7 +16,8 @@ from fleet_mavlink.vehicle_kind import Brake
 from fleet_mavlink.vocabulary import HOVERING, NO_VELOCITIES, UNSET_QUADPLANE
 from fleet_mavlink.wings import Winged
 
-GUIDED_HOVERS = "Q_GUIDED_MODE"
+GUIDED_HOVERS, _ASSIST = "Q_GUIDED_MODE", "Q_ASSIST_SPEED"
+_ABOVE_ASSIST = 2.0  # m/s
 _BY_ROTORS = frozenset({"QSTABILIZE", "QHOVER", "QLOITER", "QLAND", "QRTL", "QAUTOTUNE", "QACRO"})
 _CHANGE_MODE = 1.0  # param2 of DO_REPOSITION
 _BRAKING = 2.0  # m/s2 at which a QuadPlane comes to stand (Q_TRANS_DECEL)
@@ -165,7 +166,21 @@ class UntoldArduPlane(ArduPlane):
         return (best, *circles)
 
 
-_PLANE, _UNTOLD = ArduPlane(), UntoldArduPlane()
+class _Assisted(ArduPlane):
+    """The wings of a QuadPlane: near Q_ASSIST_SPEED its rotors help, and it goes over again and again."""
+
+    def airspeed(self, state: VehicleState, limit: float | None, wanted: float | None) -> float:
+        """Return the airspeed to fly at, m/s; raises Refused for one that its rotors do not let it keep."""
+        speed, helped = super().airspeed(state, limit, wanted), state.settings.get(_ASSIST, 0.0)
+        if helped > 0.0 and speed < helped + _ABOVE_ASSIST:
+            raise Refused(
+                f"at {speed:g} m/s its rotors help (Q_ASSIST_SPEED {helped:g}), and it is faster",
+                hint=f"give it at least {helped + _ABOVE_ASSIST:g} m/s, or a lower Q_ASSIST_SPEED",
+            )
+        return speed
+
+
+_PLANE, _UNTOLD, _WINGS = ArduPlane(), UntoldArduPlane(), _Assisted()
 
 
 class QuadPlane(_ArduPlane):
@@ -178,7 +193,7 @@ class QuadPlane(_ArduPlane):
     land: ClassVar[str] = "QLAND"
     return_home: ClassVar[str] = "QRTL"
     tolerance: ClassVar[float] = 1.5
-    forward: ClassVar[Flavour | None] = _PLANE
+    forward: ClassVar[Flavour | None] = _WINGS
     speed_kind: ClassVar[float] = _PLANE.speed_kind  # over ground it would be its slowest
     passes: ClassVar[float] = _PLANE.passes
     transitions: ClassVar[Mapping[str, str]] = {"forward": "LOITER", "hover": "GUIDED"}
@@ -187,7 +202,7 @@ class QuadPlane(_ArduPlane):
     @property
     def settings(self) -> tuple[str, ...]:
         """Those of its wings, how GUIDED flies, and how fast."""
-        return (*_PLANE.settings, "Q_WP_SPEED", "Q_TRANS_DECEL")
+        return (*_PLANE.settings, "Q_WP_SPEED", "Q_TRANS_DECEL", _ASSIST)
 
     @property
     def failsafe_table(self) -> str:
@@ -232,7 +247,7 @@ class QuadPlane(_ArduPlane):
         near = _NEAR * cruise**2 / (2 * brakes)
         if metres > near:
             try:
-                return _PLANE.airspeed(state, limit, wanted)
+                return _WINGS.airspeed(state, limit, wanted)
             except Refused as error:
                 reason = f"a goal more than {near:.0f} m away is flown on its wings: {error.reason}"
                 raise Refused(reason, hint=error.hint) from error

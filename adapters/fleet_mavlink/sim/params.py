@@ -104,6 +104,7 @@ def plane_params(system_id: int) -> Values:
 def quadplane_params(system_id: int) -> Values:
     """Return the parameters that matter here, with a QuadPlane's defaults."""
     return plane_params(system_id) | {
+        "Q_ASSIST_SPEED": (REAL32, 7.0),
         "Q_ENABLE": (INT8, 1),
         "Q_GUIDED_MODE": (INT8, 0),
         "Q_TRANS_DECEL": (REAL32, 2.0),

@@ -102,7 +102,9 @@ def test_a_quadplane_as_it_is_delivered_lands_when_it_is_stopped_in_its_hover(fl
 async def hovering(it, **settings):
     """Meet a QuadPlane, set it up, and take it to 40 m."""
     await it.met()
-    await it.until(lambda: {"Q_GUIDED_MODE", "Q_WP_SPEED", "Q_TRANS_DECEL"} <= set(it.state.settings))
+    await it.until(
+        lambda: {"Q_GUIDED_MODE", "Q_WP_SPEED", "Q_TRANS_DECEL", "Q_ASSIST_SPEED"} <= set(it.state.settings)
+    )
     for name, value in {"Q_GUIDED_MODE": 1, **settings}.items():
         await it.do("set_parameter", name=name, value=value)
     await it.until(lambda: "takeoff" not in it.robot.lacking)
@@ -190,5 +192,17 @@ def test_a_plane_tells_how_wide_it_circles_and_a_vtol_while_it_is_on_its_wings(f
             assert it.robot.circle == 0.0
             await it.do("transition", to="forward")
             await it.until(lambda: it.robot.circle == 95.0, 3.0)
+
+    fly(main())
+
+
+def test_a_quadplane_takes_no_far_goal_at_an_airspeed_at_which_its_rotors_help(fly, sky):
+    async def main():
+        async with sky("ardupilot", vehicle="vtol", limits={"speed": 17.0}) as it:
+            await hovering(it, Q_ASSIST_SPEED=13)
+            await it.until(lambda: it.state.settings["Q_ASSIST_SPEED"] == 13.0)
+            with pytest.raises(Refused, match=r"at 14 m/s its rotors help \(Q_ASSIST_SPEED 13\)"):
+                await flown(it, goal(900.0, speed=14.0))
+            assert await flown(it, goal(900.0)) < 17.5
 
     fly(main())

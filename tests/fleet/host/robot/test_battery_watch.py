@@ -73,8 +73,7 @@ async def test_a_forced_action_that_failed_says_why(make_bench, asks):
     bench.has(15.0)
     await asks.settle()
     assert (
-        bench.controller.guard.cause
-        == "return_to_home by battery_policy failed: rex has no 'return_to_home'"
+        bench.controller.guard.cause == "return_to_home by battery_policy failed: rex has no 'return_to_home'"
     )
 
 
