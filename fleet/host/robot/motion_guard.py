@@ -19,6 +19,7 @@ from fleet.host.robot.adapter_factory import Capabilities
 from fleet.host.robot.battery_watch import BATTERY, BatteryWatch
 from fleet.host.robot.separation_keeper import SeparationKeeper
 from fleet.host.robot.whereabouts import Whereabouts
+from fleet.host.safety.circles import circled
 from fleet.host.safety.fence import Fence
 from fleet.model.command import Command, Reply
 from fleet.model.event import EventKind
@@ -90,6 +91,8 @@ class MotionGuard:
         self._pose: Pose | None = None
         self._seen = 0.0
         self._trouble = ""
+        self._armed = False
+        self._circle = 0.0  # m about its end in which it stays that cannot stand
         self.fence: Fence | None = None
         self.configure(config, limits)
 
@@ -127,11 +130,25 @@ class MotionGuard:
                 self._look()
             case BatteryReport():
                 self._charged(report.percent)
-            case FlightControllerReport() if report.home != self._home:
-                self._home = report.home
-                self._draw()
+            case FlightControllerReport():
+                self._takes_off(armed=report.armed)
+                if report.home != self._home:
+                    self._home = report.home
+                    self._draw()
             case _:
                 pass
+
+    def circles(self, radius: float) -> None:
+        """Take how wide it circles where it ends, m; 0: it stands."""
+        self._circle = radius
+        if self.apart is not None:
+            self.apart.circle = radius
+
+    def _takes_off(self, *, armed: bool) -> None:
+        """Take whether it may be in the air."""
+        self._armed = armed
+        if self.apart is not None:
+            self.apart.flies = armed
 
     def _charged(self, percent: float | None) -> None:
         """Take how full the battery is."""
@@ -144,6 +161,7 @@ class MotionGuard:
     def share_space(self, apart: SeparationKeeper) -> None:
         """Keep the robot apart from the others from now on."""
         self.apart = self.others.among = apart
+        apart.circle, apart.flies = self._circle, self._armed
         apart.world_is(self._world())
 
     def obeyed(self, reply: Reply) -> None:
@@ -170,9 +188,10 @@ class MotionGuard:
             self._robot.end("fence: the velocity leads out of it")
 
     @property
-    def forced(self) -> str:
-        """What the battery made us do with the robot; empty while that is nothing."""
-        return self._battery.forced if self._battery is not None else ""
+    def cause(self) -> str:
+        """What the battery, or another robot, made us do with it; empty while that is nothing."""
+        forced = self._battery.forced if self._battery is not None else ""
+        return forced or (self.apart.cause if self.apart is not None else "")
 
     # -- what may be asked of it ---------------------------------------------------------------------
 
@@ -237,13 +256,13 @@ class MotionGuard:
         except Refused as error:
             return str(error)
         home = self._home_point()
-        trouble = self.fence.way_trouble(start, points, home) if self.fence else ""
+        around = circled(task, self._circle)
+        trouble = self.fence.way_trouble(start, points, home, around) if self.fence else ""
         if not trouble and self._battery is not None and isinstance(task, FlyMission):
             trouble = self._battery.start_trouble()
         if not trouble and self._battery is not None:
-            trouble = self._battery.trouble(
-                _length((start, *points, home)), task.constraints.max_speed or self._limits.speed
-            )
+            metres = _length((start, *points, home)) + math.tau * self._circle
+            trouble = self._battery.trouble(metres, task.constraints.max_speed or self._limits.speed)
         if not trouble and self.apart is not None:
             trouble = self.apart.task_trouble(task, points)
         return trouble or None
