@@ -68,9 +68,9 @@ def claim(edge_id: str, twin: str, since: int, *, held: bool = False) -> str:
     return f"fleet/{edge_id}/claims/{twin}/{since}{HELD if held else ''}"
 
 
-def claims() -> str:
-    """Return the key expression of all claims."""
-    return "fleet/*/claims/*/*"
+def claims(twin: str = "*") -> str:
+    """Return the key expression of all claims, or of those on one twin."""
+    return f"fleet/*/claims/{twin}/*"
 
 
 def command(edge_id: str, name: str) -> str:

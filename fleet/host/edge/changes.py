@@ -19,10 +19,14 @@ from fleet.clock import Clock
 from fleet.config.difference import SETTINGS, difference, outline_of, shown_by
 from fleet.config.explain import checked
 from fleet.config.load import Loaded, load
+from fleet.config.loaded_robots import with_configs, with_robot, without_robot
 from fleet.config.problems import InvalidConfig
 from fleet.errors import FleetError, StateError
 from fleet.host.edge.last_configuration import keep
+from fleet.host.edge.member_rules import name_before, unfit
+from fleet.host.edge.membership import Followers, Membership
 from fleet.host.edge.shown_configuration import shown_configuration
+from fleet.host.edge.stops_meanwhile import StopsMeanwhile
 from fleet.host.process.rebuild import rebuild, take_over
 from fleet.host.process.robot_process import RobotProcess
 from fleet.host.robot.local_robot import LocalRobot
@@ -39,6 +43,7 @@ from fleet.runtime.decoding import decode_json
 log = logging.getLogger(__name__)
 
 LIVE = frozenset({ChangeKind.SETTINGS, ChangeKind.REBUILT})
+MEMBERS = frozenset({ChangeKind.ADDED, ChangeKind.REMOVED, ChangeKind.RENAMED})
 WAITS = "what is stricter holds from now on; the rest waits until it rests: {}"
 LOOSER = "it was rebuilt; what is looser waits until it rests: {}"
 BEFORE = "it has its configuration of before"
@@ -61,11 +66,15 @@ class Changes:
         folder: Path,
         configured: Iterable[Callable[[Loaded], None]],
         hindrance: Callable[[str], str],
+        followers: Followers,
     ) -> None:
         self._running = loaded
         self._process, self._remote, self._workers = process, remote, workers
         self._folder, self._configured = folder, tuple(configured)
         self._section_hindrance = hindrance
+        self._meanwhile = StopsMeanwhile(process)
+        self._membership = Membership(process, followers, self._meanwhile.engage)
+        self._followers = followers
         self._clock: Clock = process.clock
         self._under_way: asyncio.Task[None] | None = None
 
@@ -127,16 +136,20 @@ class Changes:
             return ChangesAnswer((), file, f"{file} cannot be used; nothing was changed: {error}")
         found = await asyncio.to_thread(_found, self._running, new)
         if asked.do == "diff":
-            planned = (msgspec.structs.replace(each, why=each.why or self._hindrance(each)) for each in found)
-            return ChangesAnswer(tuple(planned), file, warnings=tuple(map(str, new.warnings)))
-        changes = await self._apply(found, new, asked)
+            planned = (
+                msgspec.structs.replace(each, why=each.why or self._hindrance(each, new)) for each in found
+            )
+            return ChangesAnswer(_told(planned, asked), file, warnings=tuple(map(str, new.warnings)))
+        changes = _told(await self._apply(found, new, asked), asked)
         await self._keep()
         return ChangesAnswer(changes, file)
 
     # -- what would be done ----------------------------------------------------------------------------
 
-    def _hindrance(self, change: Change) -> str:
+    def _hindrance(self, change: Change, new: Loaded) -> str:
         """Return why a robot or a section cannot be changed now; empty when it can."""
+        if change.kind in MEMBERS:
+            return self._member_hindrance(change, new, force=False)
         if change.kind not in LIVE:
             return ""
         if change.section:
@@ -146,16 +159,29 @@ class Changes:
             return not_resting(here)
         return self._workers.hindrance(self._remote[change.name].worker)
 
+    def _member_hindrance(self, change: Change, new: Loaded, *, force: bool) -> str:
+        """Return why a robot cannot be added, taken out or renamed now; empty when it can."""
+        before = name_before(change, self._running, new)
+        why = unfit(self._running, new, change.name if before != change.name else "", before)
+        if why or not before or force:
+            return why
+        runs = ", ".join(self._followers.runs_with(before))
+        return not_resting(self._process.robots[before]) or (runs and f"{before} is in run {runs}")
+
     # -- doing it --------------------------------------------------------------------------------------
 
     async def _apply(self, found: Iterable[Change], new: Loaded, asked: ChangesAsked) -> tuple[Change, ...]:
         """Carry the changes out, one robot or worker after the other."""
+        self._meanwhile.begin({**self._running.config.members, **new.config.members})
+        found = sorted(found, key=lambda change: change.kind is not ChangeKind.REMOVED)  # twins become free
         done: list[Change] = []
         sections: list[Change] = []
         elsewhere: dict[str, list[Change]] = {}
         for change in found:
             await asyncio.sleep(0)  # a thousand robots must not keep a stop waiting
-            if change.kind not in LIVE:
+            if change.kind in MEMBERS:
+                done.append(await self._member(change, new, asked))
+            elif change.kind not in LIVE:
                 done.append(_left(change))
             elif change.section:
                 sections.append(change)
@@ -165,13 +191,41 @@ class Changes:
                 elsewhere.setdefault(self._remote[change.name].worker, []).append(change)
         for worker, changes in elsewhere.items():
             done += await self._elsewhere(worker, changes, new, asked)
-        done += self._take_sections(sections, new)
+        missing = [each.name for each in done if each.kind in MEMBERS and each.outcome is not Outcome.DONE]
+        done += self._take_sections(sections, new, missing)
         for change in done:
-            self._record(change, asked)
+            _record(self._process, change, asked)
         return tuple(done)
 
-    def _take_sections(self, changes: list[Change], new: Loaded) -> list[Change]:
-        """Take over sections, all or none: they refer to each other."""
+    async def _member(self, change: Change, new: Loaded, asked: ChangesAsked) -> Change:
+        """Add a robot, take it out, or have it go on under a new name."""
+        if why := self._member_hindrance(change, new, force=asked.force):
+            return _ended(change, Outcome.REFUSED, why)
+        name, before = change.name, name_before(change, self._running, new)
+        try:
+            if change.kind is ChangeKind.ADDED:
+                trouble = await self._membership.add(name, new)
+            elif change.kind is ChangeKind.REMOVED:
+                trouble = await self._membership.remove(name)
+            else:
+                trouble = await self._membership.rename(before, name, self._running, new)
+        except Exception as error:
+            log.exception("the change of %s failed", name)
+            trouble = f"{type(error).__name__}: {error}"
+        if trouble:
+            return _ended(change, Outcome.FAILED, trouble)
+        if before:
+            self._running = without_robot(self._running, before)
+        if change.kind is not ChangeKind.REMOVED:
+            self._running = with_robot(self._running, new, name)
+        self._tell()
+        return _ended(change, Outcome.DONE)
+
+    def _take_sections(self, changes: list[Change], new: Loaded, missing: list[str]) -> list[Change]:
+        """Take over sections, all or none: they refer to each other, and to robots (not ``missing`` ones)."""
+        if changes and missing:
+            why = f"they may name {', '.join(missing)}: see there, and apply again"
+            return [_ended(change, Outcome.REFUSED, why) for change in changes]
         why = "; ".join(filter(None, (self._section_hindrance(change.name) for change in changes)))
         if why:
             return [_ended(change, Outcome.REFUSED, why) for change in changes]
@@ -244,7 +298,7 @@ class Changes:
         names = [change.name for change in changes]
         configs = {name: _config_of(new, name) for name in names}
         looser = [name for name in names if may_loosen(_config_of(self._running, name), configs[name])]
-        after = _with(self._running, configs, {name: new.given[name] for name in names})
+        after = with_configs(self._running, configs, {name: new.given[name] for name in names})
         outcome, why = await self._workers.change(worker, after, force=asked.force and not looser)
         if outcome is Outcome.REFUSED and asked.force and looser:
             why += f"; what holds {', '.join(looser)} back is not loosened in motion"
@@ -257,7 +311,7 @@ class Changes:
 
     def _runs_with(self, configs: Mapping[str, AdapterConfig], given: Mapping[str, str]) -> None:
         """Note what the edge runs with from now on."""
-        self._running = _with(self._running, configs, given)
+        self._running = with_configs(self._running, configs, given)
         self._tell()
 
     def _tell(self) -> None:
@@ -273,18 +327,19 @@ class Changes:
         except StateError as error:
             log.warning("what the edge runs with is not kept for fleet diff: %s", error)
 
-    def _record(self, change: Change, asked: ChangesAsked) -> None:
-        """Write into the history what came of a change."""
-        if change.kind is ChangeKind.UNTOUCHED:
-            return
-        severity = Severity.WARNING if change.outcome in {Outcome.FAILED, Outcome.REFUSED} else Severity.INFO
-        text = f"fleet apply: {change.name} {change.kind.value}: {change.outcome.value}"
-        text += f": {change.why}" if change.why else ""
-        log.info("%s", text)
-        asker = Requester(Transport.BUS, asked.by)
-        robot = "" if change.section else change.name
-        event = EventReport(self._clock.time(), EventKind.COMMAND, text, severity, asker, "apply")
-        self._process.history.add(robot, event)
+
+def _record(process: RobotProcess, change: Change, asked: ChangesAsked) -> None:
+    """Write into the history what came of a change."""
+    if change.kind is ChangeKind.UNTOUCHED:
+        return
+    severity = Severity.WARNING if change.outcome in {Outcome.FAILED, Outcome.REFUSED} else Severity.INFO
+    text = f"fleet apply: {change.name} {change.kind.value}: {change.outcome.value}"
+    text += f": {change.why}" if change.why else ""
+    log.info("%s", text)
+    asker = Requester(Transport.BUS, asked.by)
+    robot = "" if change.section else change.name
+    event = EventReport(process.clock.time(), EventKind.COMMAND, text, severity, asker, "apply")
+    process.history.add(robot, event)
 
 
 def _found(running: Loaded, new: Loaded) -> tuple[Change, ...]:
@@ -303,13 +358,6 @@ def _config_of(loaded: Loaded, name: str) -> AdapterConfig:
     return next(robot for robot, _ in loaded.robots if robot.name == name)
 
 
-def _with(loaded: Loaded, configs: Mapping[str, AdapterConfig], given: Mapping[str, str]) -> Loaded:
-    """Return a loaded file with other configurations of some of its robots."""
-    robots = tuple((configs.get(robot.name, robot), plugin) for robot, plugin in loaded.robots)
-    config = loaded.config.model_copy(update={"robots": tuple(robot for robot, _ in robots)})
-    return msgspec.structs.replace(loaded, config=config, robots=robots, given={**loaded.given, **given})
-
-
 def _left(change: Change) -> Change:
     """Return a change that is not carried out while the edge runs."""
     if change.kind is ChangeKind.UNTOUCHED:
@@ -320,6 +368,18 @@ def _left(change: Change) -> Change:
 def _ended(change: Change, outcome: Outcome, why: str = "") -> Change:
     """Return a change with what came of it."""
     return msgspec.structs.replace(change, outcome=outcome, why=why)
+
+
+def _told(changes: Iterable[Change], asked: ChangesAsked) -> tuple[Change, ...]:
+    """Return changes in the words of the format that is asked in."""
+    if asked.format > 1:
+        return tuple(changes)
+    return tuple(
+        msgspec.structs.replace(change, kind=ChangeKind.ADDED)
+        if change.kind is ChangeKind.RENAMED
+        else change
+        for change in changes
+    )
 
 
 def _answer(question: Query, answer: ChangesAnswer) -> None:

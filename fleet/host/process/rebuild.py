@@ -27,7 +27,7 @@ async def rebuild(process: RobotProcess, robot: LocalRobot, config: AdapterConfi
     A robot that answered before must answer within ``BACK_WITHIN``.
     """
     before, answered = robot.config, not robot.controller.offline
-    trouble = await _ended(process, robot)
+    trouble = await ended(process, robot)
     if trouble:
         return trouble
     trouble = take_over(robot, config)
@@ -37,7 +37,7 @@ async def rebuild(process: RobotProcess, robot: LocalRobot, config: AdapterConfi
     if not answered or await seen(lambda: not robot.controller.offline, BACK_WITHIN):
         return ""
     cause = robot.state().cause
-    stuck = await _ended(process, robot)
+    stuck = await ended(process, robot)
     robot.configure(before)
     if not stuck:
         process.runs.resume(robot)
@@ -56,7 +56,7 @@ def take_over(robot: LocalRobot, config: AdapterConfig) -> str:
     return ""
 
 
-async def _ended(process: RobotProcess, robot: LocalRobot) -> str:
+async def ended(process: RobotProcess, robot: LocalRobot) -> str:
     """End a robot's run; return why it cannot be begun anew."""
     process.runs.pause(robot)
     if not await seen(lambda: process.runs.is_paused(robot), ENDS_WITHIN):
