@@ -24,6 +24,18 @@ settings.register_profile(
 settings.load_profile("fleet")
 
 
+def keep_bytecode():
+    """Compile each module once, also where PYTHONDONTWRITEBYTECODE is set, as in many containers.
+
+    Without it each process that a test starts compiles all that it imports: a second of processor time.
+    """
+    sys.dont_write_bytecode = False
+    os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
+
+
+keep_bytecode()
+
+
 def _load(path):
     """Load a module of the tests by its path."""
     spec = importlib.util.spec_from_file_location(path.stem, path)

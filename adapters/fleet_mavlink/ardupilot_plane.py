@@ -8,7 +8,7 @@ from typing import ClassVar
 
 from fleet import GeoOrigin, GeoPoint, Vector3, Velocity, geo_from_world
 from fleet_mavlink.ardupilot_flavour import ArduPilotFlavour
-from fleet_mavlink.constants import NAN, VTOL_HOVERS, Cmd, Frame
+from fleet_mavlink.constants import NAN, VTOL_GOES_FORWARD, VTOL_HOVERS, Cmd, Frame
 from fleet_mavlink.flavour import Flavour
 from fleet_mavlink.messages import Ask, CommandInt, CommandLong
 from fleet_mavlink.state import VehicleState
@@ -16,8 +16,11 @@ from fleet_mavlink.vehicle_kind import Brake
 from fleet_mavlink.vocabulary import HOVERING, NO_VELOCITIES, UNSET_QUADPLANE
 from fleet_mavlink.wings import Winged
 
+GUIDED_HOVERS = "Q_GUIDED_MODE"
+_BY_ROTORS = frozenset({"QSTABILIZE", "QHOVER", "QLOITER", "QLAND", "QRTL", "QAUTOTUNE", "QACRO"})
 _CHANGE_MODE = 1.0  # param2 of DO_REPOSITION
 _BRAKING = 2.0  # m/s2 at which a QuadPlane comes to stand (Q_TRANS_DECEL)
+_PULLED, _PULLS = 8.0, 3.2  # m, and s of its way, that it goes on when its transition is broken off
 _FRESH = 1.5  # s between its position and its heartbeat
 _FASTEST_HOVER = 10.0  # m/s that are projected; what is faster flies on its wings
 
@@ -75,6 +78,19 @@ class _ArduPlane(ArduPilotFlavour):
         """Planes have their own."""
         return "arduplane"
 
+    def goes_on(self, speed: float) -> float:
+        """Return how far it goes on before it stands in its hover, m; what is faster flies on its wings."""
+        return min(speed, _FASTEST_HOVER) * speed / (2 * _BRAKING)
+
+    def to_stand(self, here: GeoPoint, velocity: Vector3 | None) -> CommandInt:
+        """Return the way to where it comes to stand that moves at a velocity (NED, m/s)."""
+        speed = velocity.horizontal() if velocity is not None else 0.0
+        if velocity is None or not 0.0 < speed < math.inf:
+            return reposition(here)
+        seconds = self.goes_on(speed) / speed
+        ahead = Vector3(velocity.y * seconds, velocity.x * seconds, 0.0)
+        return reposition(geo_from_world(GeoOrigin(here.latitude, here.longitude, here.altitude), ahead))
+
     def go_command(
         self,
         to: GeoPoint,
@@ -101,7 +117,7 @@ class ArduPlane(Winged, _ArduPlane):
     @property
     def settings(self) -> tuple[str, ...]:
         """The parameters by which it is moved; a plane without lifting rotors has no Q_GUIDED_MODE."""
-        return ("Q_GUIDED_MODE", *super().settings, "TKOFF_ALT")  # what a stop depends on comes first
+        return (GUIDED_HOVERS, *super().settings, "TKOFF_ALT")  # what a stop depends on comes first
 
     def takeoff_command(self, altitude: float, home_altitude: float) -> CommandLong:  # noqa: ARG002
         """Return the change to TAKEOFF, which climbs to TKOFF_ALT: NAV_TAKEOFF is for rotors."""
@@ -118,6 +134,34 @@ class ArduPlane(Winged, _ArduPlane):
     def after_go(self, speed: float) -> CommandLong | None:
         """Return DO_CHANGE_SPEED for the airspeed."""
         return CommandLong(Cmd.DO_CHANGE_SPEED, param1=self.speed_kind, param2=speed, param3=-1.0)
+
+
+class UntoldArduPlane(ArduPlane):
+    """A plane that has not told yet whether it has rotors, and flies by them.
+
+    GUIDED is right for all: wings circle, and a QuadPlane stands there if it may. But that it is in GUIDED
+    already, on the way to a place, changes nothing: LOITER comes first then.
+    """
+
+    hold: ClassVar[str] = "GUIDED"
+
+    def hold_command(self, state: VehicleState) -> Ask:
+        """Return the change to GUIDED."""
+        return self.brakes(state)[0].ask
+
+    def brakes(self, state: VehicleState) -> tuple[Brake, ...]:
+        """Return GUIDED, or the landing of what hovers and may not stand in GUIDED; then circles."""
+        circles = super().brakes(state)
+        mode, here = self.mode_of(state), _here(state)
+        if mode in _BY_ROTORS and not state.settings.get(GUIDED_HOVERS):
+            best = Brake("QLAND", self.mode_command("QLAND"))
+        elif mode != "GUIDED":
+            best = Brake("GUIDED", self.mode_command("GUIDED"))
+        elif here is not None:
+            best = Brake("GUIDED", self.to_stand(here, state.velocity))
+        else:
+            best = Brake("GUIDED", self.mode_command("GUIDED"), first=circles[0])
+        return (best, *circles)
 
 
 class QuadPlane(_ArduPlane):
@@ -154,7 +198,7 @@ class QuadPlane(_ArduPlane):
     def hold_command(self, state: VehicleState) -> Ask:
         """Return the way to where it comes to stand; without a position QLAND."""
         here = _here(state)
-        return self.mode_command(self.land) if here is None else reposition(_stopping(here, state.velocity))
+        return self.mode_command(self.land) if here is None else self.to_stand(here, state.velocity)
 
     def brakes(self, state: VehicleState) -> tuple[Brake, ...]:
         """Return the hold, and the landing where that is refused."""
@@ -185,6 +229,19 @@ class QuadPlaneForward(QuadPlane):
         return tuple(Brake(mode, self.mode_command(mode)) for mode in self.braking)
 
 
+class QuadPlaneInTransition(QuadPlane):
+    """A QuadPlane that goes over to its wings: a stop breaks that off, and it hovers.
+
+    Its propeller pulls it on for a while: sent to a nearer place it goes as far, and flies back.
+    """
+
+    goes_over: ClassVar[bool] = True
+
+    def goes_on(self, speed: float) -> float:
+        """Return how far ArduPlane 4.6.3 was seen to go on, m."""
+        return _PULLED + _PULLS * speed
+
+
 class UnsetQuadPlane(QuadPlane):
     """A hovering QuadPlane with Q_GUIDED_MODE 0: GUIDED would make it fly forward, so a stop lands it."""
 
@@ -206,32 +263,41 @@ class UnsetQuadPlaneForward(QuadPlaneForward):
     lacking: ClassVar[Mapping[str, str]] = UNSET_QUADPLANE
 
 
-_PLANE = ArduPlane()
-_QUADPLANES: Mapping[tuple[bool, bool], Flavour] = {
-    (True, True): QuadPlane(),
-    (True, False): UnsetQuadPlane(),
-    (False, True): QuadPlaneForward(),
-    (False, False): UnsetQuadPlaneForward(),
+class UnsetQuadPlaneInTransition(UnsetQuadPlane):
+    """The same on the way to its wings: a stop breaks that off, and lands it."""
+
+    goes_over: ClassVar[bool] = True
+
+
+_PLANE, _UNTOLD = ArduPlane(), UntoldArduPlane()
+_HOVER, _FORWARD, _IN_TRANSITION = QuadPlane(), QuadPlaneForward(), QuadPlaneInTransition()
+_UNSET_HOVER, _UNSET_FORWARD = UnsetQuadPlane(), UnsetQuadPlaneForward()
+_UNSET_IN_TRANSITION = UnsetQuadPlaneInTransition()
+_QUADPLANES: Mapping[int, tuple[Flavour, Flavour]] = {
+    VTOL_GOES_FORWARD: (_IN_TRANSITION, _UNSET_IN_TRANSITION),
+    **dict.fromkeys(VTOL_HOVERS, (_HOVER, _UNSET_HOVER)),
 }
+"""How it flies -> what it is then, if GUIDED hovers, and if not."""
 
 
 def arduplane_of(state: VehicleState) -> Flavour:
     """Return what an ArduPlane is now: whether it has rotors, hovers, and may be held in GUIDED."""
+    if state.vtol_state is None:
+        return _UNTOLD
     if not state.vtol_state:
         return _PLANE
-    return _QUADPLANES[state.vtol_state in VTOL_HOVERS, bool(state.settings.get("Q_GUIDED_MODE"))]
+    set_up, unset = _QUADPLANES.get(state.vtol_state, (_FORWARD, _UNSET_FORWARD))
+    return set_up if _hovers_in_guided(state) else unset
+
+
+def _hovers_in_guided(state: VehicleState) -> bool:
+    """Return whether GUIDED hovers: as it is set, and as is seen while that is not known yet."""
+    told = state.settings.get(GUIDED_HOVERS)
+    if told is not None:
+        return bool(told)
+    return state.vtol_state in VTOL_HOVERS and _PLANE.mode_of(state) == "GUIDED"
 
 
 def _here(state: VehicleState) -> GeoPoint | None:
     """Return where it is; None when that is too old to be sent there: a stop would fly it back."""
     return None if state.heartbeat_at - state.position_at > _FRESH else state.position
-
-
-def _stopping(here: GeoPoint, velocity: Vector3 | None) -> GeoPoint:
-    """Return where it comes to stand that moves at a velocity (NED, m/s)."""
-    if velocity is None:
-        return here
-    speed = velocity.horizontal()
-    seconds = min(speed, _FASTEST_HOVER) / (2 * _BRAKING) if math.isfinite(speed) else 0.0
-    ahead = Vector3(velocity.y * seconds, velocity.x * seconds, 0.0)
-    return geo_from_world(GeoOrigin(here.latitude, here.longitude, here.altitude), ahead)

@@ -20,7 +20,7 @@ from fleet_mavlink.messages import (
 )
 from fleet_mavlink.state import VehicleState
 from fleet_mavlink.texts import Sentence
-from fleet_mavlink.vehicle_kind import VehicleKind
+from fleet_mavlink.vehicle_kind import Brake, VehicleKind
 from fleet_mavlink.vocabulary import ONE_WAY
 
 VELOCITY_AND_YAW_RATE = 0x5C7  # type_mask: ignore everything except velocity and yaw rate
@@ -124,11 +124,11 @@ class Flavour(VehicleKind):
     def hold_command(self, state: VehicleState) -> Ask:
         """Return the command that brakes at once and stays; the ``hold`` mode is then shown."""
 
-    def holding(self, state: VehicleState) -> tuple[str, Ask]:
-        """Return the mode that is shown after the command that brakes it as it is, and that command."""
+    def holding(self, state: VehicleState) -> Brake:
+        """Return what brakes it best, as it is."""
         if self.tries_brakes and (brakes := self.brakes(state)):
-            return brakes[0].mode, brakes[0].ask
-        return self.hold, self.hold_command(state)
+            return brakes[0]
+        return Brake(self.hold, self.hold_command(state))
 
     @abstractmethod
     def takeoff_command(self, altitude: float, home_altitude: float) -> Ask:

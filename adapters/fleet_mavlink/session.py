@@ -215,7 +215,7 @@ class VehicleSession:
         if flavour is None:
             await self.brakes.brake()
         elif flavour.surface or (flavour.tries_brakes and self.vehicle.state.armed):
-            with self.authority.asking(*(brake.mode for brake in flavour.brakes(self.vehicle.state))):
+            with self.authority.asking(*flavour.brake_modes(self.vehicle.state)):
                 await self.brakes.brake()
         elif self.vehicle.state.armed:
             await self.flight.hold()
@@ -259,9 +259,9 @@ class VehicleSession:
         if self.vehicle.connected:
             pending = self.commander.turns.current
             goes_on = pending is not None and not pending.superseded  # a landing: its mode is still to come
-            mode, ask = flavour.holding(state)
-            (self.authority.expect_also if goes_on else self.authority.expect)(mode)
-            messages.append(self.commander.addressed(ask))
+            best = flavour.holding(state)
+            (self.authority.expect_also if goes_on else self.authority.expect)(*best.modes)
+            messages += map(self.commander.addressed, best.asks)
         self._hub.send_from_any_thread(messages, self.vehicle)
 
     async def setup_signing(self) -> None:

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import AsyncIterator, Mapping
 from typing import Literal
 
-from fleet import Progress, TimedOut, command
+from fleet import Progress, Refused, TimedOut, command
 from fleet_mavlink.ardupilot_plane import ArduPlane
-from fleet_mavlink.constants import Cmd
+from fleet_mavlink.constants import VTOL_GOES_FORWARD, Cmd
 from fleet_mavlink.flight import Flight
 from fleet_mavlink.messages import CommandLong
 from fleet_mavlink.preconditions import require_control, require_has, require_movable
@@ -18,6 +18,7 @@ from fleet_mavlink.wings import Winged
 
 To = Literal["hover", "forward"]
 _FLIES: Mapping[To, int] = {"hover": 3, "forward": 4}  # MAV_VTOL_STATE
+_GOES: Mapping[To, int] = {"hover": 2, "forward": VTOL_GOES_FORWARD}
 _WITHIN = 60.0  # s
 _POLL = 0.5  # s between checks
 _WINGS: Mapping[str, Winged] = {"ardupilot": ArduPlane(), "px4": Px4Plane()}
@@ -31,6 +32,21 @@ class TransitionCommands(SessionAdapter):
         """Go over to the hover, or to forward flight; a VTOL's."""
         async for progress in transition(self._session.flight, to):
             yield progress
+
+
+async def _begin(flight: Flight, to: To) -> None:
+    """Ask for a transition, unless the vehicle is in it already."""
+    vehicle, flavour = flight.vehicle, flight.flavour
+    mode = flavour.transitions[to]
+    flight.give_way(flavour, mode or flavour.hold)
+    if mode:
+        await flight.enter(mode)
+        return
+    if vehicle.state.vtol_state == _GOES[to] and flight.mode(vehicle.state) == flavour.hold:
+        return
+    await flight.hold()
+    ask = CommandLong(Cmd.DO_VTOL_TRANSITION, param1=float(_FLIES[to]))
+    await flight.commander.ask(ask, seen=lambda state: state.vtol_state in {_GOES[to], _FLIES[to]})
 
 
 async def transition(flight: Flight, to: To) -> AsyncIterator[Progress]:
@@ -48,17 +64,13 @@ async def transition(flight: Flight, to: To) -> AsyncIterator[Progress]:
 
     if not flies(vehicle.state):
         mode = flavour.transitions[to]
-        flight.give_way(flavour, mode or flavour.hold)
-        if mode:
-            await flight.enter(mode)
-        else:
-            await flight.hold()
-            await flight.commander.ask(
-                CommandLong(Cmd.DO_VTOL_TRANSITION, param1=float(_FLIES[to])), seen=flies
-            )
-        by = vehicle.now() + _WITHIN
+        await _begin(flight, to)
+        by, begun = vehicle.now() + _WITHIN, False
         while not await vehicle.until(flies, _POLL):
             flight.check(mode or flavour.hold)
+            begun = begun or vehicle.state.vtol_state == _GOES[to]
+            if begun and vehicle.state.vtol_state != _GOES[to]:
+                raise Refused("the transition was broken off")
             if vehicle.now() > by:
                 raise TimedOut(f"it was not seen to fly {to} in {_WITHIN:g} s")
             yield Progress(50.0, "in transition")

@@ -138,7 +138,7 @@ class ZenohSession:
         self._kept.clear()
         self._session.close()
         # A thread that returns from Zenoh after the interpreter has ended would abort the process.
-        for thread in self._threads:
+        for thread in tuple(self._threads):
             thread.join(LAST_CALL)
 
     def reached(self) -> list[str]:
@@ -217,8 +217,10 @@ class ZenohSession:
 
         return self.subscribe(pattern, arrived)
 
-    def gather(self, key: str, call: OnSamples) -> None:
+    def gather(self, key: str, call: OnSamples) -> Callable[[], None]:
         """Call ``call`` with batches of the samples of other sessions under ``key``, in order.
+
+        Returns what ends it; a last call may come while that runs.
 
         It is called on a thread of its own and may work, but not wait. A callback per sample would take the
         GIL from the running thread each time, which costs more than the work itself at high rates.
@@ -227,17 +229,24 @@ class ZenohSession:
         samples = self._session.declare_subscriber(
             key, zenoh.handlers.FifoChannel(GATHERED), allowed_origin=origin
         )
-        self._kept.append(samples)
+        undeclare = self._keep(samples)
         work = (samples.handler, _guarded(call))
         thread = threading.Thread(target=_gather, args=work, name="fleet-bus", daemon=True)
         self._threads.append(thread)
         thread.start()
 
+        def end() -> None:
+            undeclare()
+            if thread in self._threads:
+                thread.join(LAST_CALL)
+                self._threads.remove(thread)
+
+        return end
+
     def answer(self, key: str, call: Callable[[Query], None], *, more: str = "") -> Callable[[], None]:
         """Call ``call`` with each query on ``key``; it, or other code later, must reply to and close it.
 
-        With ``more`` (``/as/*/*``) also with each query on a key that has so many more chunks. Returns what
-        ends it.
+        With ``more`` (``/as/*/*``) also on a key that has so many more chunks. Returns what ends it.
         """
         asked = {suffix: partial(_asked, call, key, suffix) for suffix in ("", more)}
         return self._keep(

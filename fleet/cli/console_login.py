@@ -1,4 +1,4 @@
-"""What ``console: {listen: ...}`` of fleet.yaml means for the console beside its edge, and what it needs."""
+"""What ``console: {listen: ...}`` of fleet.yaml means for a console and what it needs."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from pathlib import Path
 
 from fleet.config.load import Loaded
 from fleet.config.problems import Problem
-from fleet.config.schema import FleetConfig, Sections
+from fleet.config.schema import Sections
 from fleet.console.links import ConsoleError
 from fleet.console.login_history import HistoryPlace
 from fleet.console.people import FILE, PeopleError, read_people
@@ -22,7 +22,7 @@ def people_file(config: Sections) -> Path:
     return (given or state_folder(config.edge.id, config.edge.spool.path) / FILE).absolute()
 
 
-def login_task(config: FleetConfig) -> LoginTask | None:
+def login_task(config: Sections) -> LoginTask | None:
     """Return what the console's port beyond loopback is, None where there is none."""
     console = config.console
     if console is None or console.endpoint is None or console.tls is None:

@@ -35,7 +35,7 @@ class ConsoleTlsConfig(Model):
 
 
 class ConsoleConfig(Model):
-    """The console, a web page with the fleet, as a process beside the edge."""
+    """The console, a web page with the fleet: beside the edge, or by itself (``fleet console -f FILE``)."""
 
     port: int = Field(8480, ge=0, le=65535, description="On loopback, for links; 0 takes any that is free.")
     listen: Annotated[str, AfterValidator(_tcp_endpoint)] | None = Field(

@@ -10,6 +10,7 @@
 ``POST /api/stop``         an emergency stop; a request that is known by the WebSocket is not asked again
 ``GET /api/stops/ID``      how that stop goes
 ``POST /api/recording``    a window of the recordings as a file
+``GET /foxglove/TOKEN``    the WebSocket of Foxglove, on loopback only
 =========================  ==========================================================================
 """
 
@@ -30,7 +31,7 @@ from starlette.websockets import WebSocket
 
 from fleet.console.exports import Window
 from fleet.console.files import PageFile, page_files
-from fleet.console.guard import LONGEST_BODY, Guard, Served
+from fleet.console.guard import FOXGLOVE, LONGEST_BODY, Guard, Served
 from fleet.console.hub import MOST_TABS, Hub
 from fleet.console.login import Login, LoginRefused
 from fleet.console.passwords import LONGEST as LONGEST_PASSWORD
@@ -95,6 +96,7 @@ class _App:
             if self._login is None
             else Route("/api/login", self._log_in, methods=["POST"])
         )
+        views = [WebSocketRoute(FOXGLOVE + "{token}", self._foxglove)] if self._login is None else []
         return Starlette(
             routes=[
                 begin,
@@ -104,6 +106,7 @@ class _App:
                 Route("/api/stops/{request}", self._stopped),
                 Route("/api/recording", self._recording, methods=["POST"]),
                 WebSocketRoute("/ws", self._tab),
+                *views,
                 Route("/{path:path}", self._file),
             ]
         )
@@ -233,6 +236,10 @@ class _App:
         finally:
             watching.cancel()
             self._hub.tabs.discard(tab)
+
+    async def _foxglove(self, socket: WebSocket) -> None:
+        """Serve the WebSocket of Foxglove."""
+        await self._hub.foxglove.serve(socket, socket.path_params["token"])
 
     async def _end_with(self, session: Session, socket: WebSocket) -> None:
         """Close a page when its session ends; while the page is open, the session is in use."""

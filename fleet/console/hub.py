@@ -15,6 +15,7 @@ from fleet.clock import Clock
 from fleet.console.edge_connections import EdgeConnections
 from fleet.console.exports import Exports
 from fleet.console.fleet_view import FleetView
+from fleet.console.foxglove.feed import Feed
 from fleet.console.past import Pasts
 from fleet.console.sessions import Operator
 from fleet.console.stops import Stops, StopTarget
@@ -39,6 +40,7 @@ class Hub:
         self.edges = EdgeConnections(task, directory, self.view, clock)
         self.pasts = Pasts(task.recordings_now)
         self.exports = Exports(task.recordings_now)
+        self.foxglove = Feed(self.edges.joined, clock)
         self.tabs: set[Tab] = set()
         self._stops = Stops(self.view, self.edges.lanes, _directories(directory), clock)
         self._tick = asyncio.Event()

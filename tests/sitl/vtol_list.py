@@ -15,7 +15,7 @@ from fleet_mavlink.constants import ARDUPILOT
 
 LONG = 300.0  # s
 HEIGHT = 30.0  # m
-SLOWS, HOVERS, FLIES_FORWARD = 2, 3, 4
+GOES_OVER, SLOWS, HOVERS, FLIES_FORWARD = 1, 2, 3, 4
 FAR = 40.0  # m; to a place much farther off a QuadPlane flies on its wings
 SINKS = 3.0  # m of height that a hold in the hover may lose
 
@@ -82,6 +82,24 @@ async def goes_to_a_place_in_its_hover(it, planes):
     assert it.state.vtol_state == HOVERS
 
 
+async def is_stopped_on_the_way_to_its_wings(it, planes):
+    """Break a transition off, early and late: it hovers, where it came to stand, at its height."""
+    for reason, fast in (("stop", 2.0), ("emergency_stop", 5.0)):
+        going = asyncio.ensure_future(it.do("transition", to="forward"))
+        await it.until(lambda fast=fast: it.state.vtol_state == GOES_OVER and planes.speed(it) > fast, LONG)
+        where, height = it.state.position, it.state.relative_altitude
+        await it.adapter.stop(reason)
+        assert it.state.vtol_state in {SLOWS, HOVERS}
+        with pytest.raises(CommandError):
+            await going
+        await it.until(lambda: planes.speed(it) < 1.0, 30.0)
+        assert planes.away(it, where) < 60.0
+        assert abs(it.state.relative_altitude - height) < 2 * SINKS
+        await asyncio.sleep(10.0)
+        assert planes.speed(it) < 1.0
+        assert it.state.vtol_state == HOVERS
+
+
 async def goes_over_to_its_wings(it, planes):
     """Go over; what it takes changes with it, and it takes no velocities there."""
     await it.do("transition", to="forward")
@@ -142,6 +160,7 @@ STEPS = (
     takes_off_with_its_rotors,
     is_stopped_in_its_hover,
     goes_to_a_place_in_its_hover,
+    is_stopped_on_the_way_to_its_wings,
     goes_over_to_its_wings,
     is_stopped_on_its_wings,
     flies_to_a_place_on_its_wings,

@@ -207,6 +207,12 @@ class SimArduPlane(ArduPilot):
             self.say(INFO, "Mission complete, changing mode to RTL")
             self.change_mode(self.modes["RTL"].custom)
 
+    def enter(self, mode: Mode) -> None:
+        """Change to a mode; GUIDED again goes on with the place that it flies to."""
+        if mode is self.mode and mode.name == "GUIDED" and self.armed and self.flying:
+            return
+        super().enter(mode)
+
     def watch_idle(self) -> None:
         """Disarm some time after a landing."""
         if self.touched_at is not None and self.time - self.touched_at > _LANDED_DISARM:

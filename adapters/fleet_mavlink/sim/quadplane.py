@@ -155,8 +155,9 @@ class SimQuadPlane(SimArduPlane):
 
     def enter(self, mode: Mode) -> None:
         """Change to a mode; the Q modes, and GUIDED as it is set, hover, the others fly forward."""
+        again = mode is self.mode and mode.name == "GUIDED"
         super().enter(mode)
-        if not (self.armed and self.flying):
+        if again or not (self.armed and self.flying):
             return
         if mode in _BY_ROTORS:
             self.hover()
