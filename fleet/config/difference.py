@@ -42,10 +42,8 @@ SECTIONS: Mapping[str, str] = {
     "record": "its process is started with the edge",
     "plugins": "adapters are looked for at the start; fleet adapters reload takes a changed file into use",
     "remote_workers": "they are started by hand, with a copy of the file",
-    "groups": "workers, missions and stop inputs have them",
     "partners": "the runs of other edges refer to them",
     "stop_inputs": "their devices are opened at the start, and hold the robots",
-    "notify": "its programs and addresses are opened at the start",
 }
 """Why each section is taken over by the next start only. ``defaults`` has no line: robots say it."""
 
@@ -53,6 +51,8 @@ LIVE_SECTIONS: Mapping[str, str] = {
     "missions": "the next run has them; runs under way keep their copy",
     "events": "missions may wait for them from then on",
     "places": "while no run is under way; a goal that was given before stays where it is",
+    "groups": "at once, also for stops; not while a stop input names one that changes",
+    "notify": "from the next event on; a target that is gone still sends what waits",
     "schedules": "a changed schedule counts from then on; firings of one that is gone are skipped",
 }
 """How each other section is taken over by the running edge."""

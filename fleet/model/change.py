@@ -51,6 +51,35 @@ class Change(msgspec.Struct, frozen=True, omit_defaults=True):
     section: bool = False
 
 
+class HoldRobot(msgspec.Struct, frozen=True):
+    """What a worker is asked of one robot: ``given`` is its configuration as fleet.yaml has it (JSON).
+
+    ``whole``: its adapter goes on with it, so that a robot at rest may take all of it over.
+    """
+
+    given: str
+    whole: bool = False
+
+
+class HoldAsked(msgspec.Struct, frozen=True, omit_defaults=True):
+    """What a worker is asked: settings of its robots, by name, and groups of the edge; None: as before."""
+
+    robots: dict[str, HoldRobot] = {}
+    groups: dict[str, list[str]] | None = None
+
+
+class HeldRobot(msgspec.Struct, frozen=True, omit_defaults=True):
+    """What came of it: ``complete``: it runs with the new configuration; ``changed``: with stricter settings.
+
+    ``settings`` are those that it is held to now (JSON); ``why`` it is held to none of the new ones.
+    """
+
+    complete: bool = False
+    changed: bool = False
+    settings: str = ""
+    why: str = ""
+
+
 class ChangesAsked(msgspec.Struct, frozen=True, omit_defaults=True):
     """``diff`` only tells, ``apply`` does it; ``force``: also to robots in motion; ``by``: who asks.
 

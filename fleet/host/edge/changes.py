@@ -22,19 +22,27 @@ from fleet.config.load import Loaded, load
 from fleet.config.loaded_robots import with_configs, with_robot, without_robot
 from fleet.config.problems import InvalidConfig
 from fleet.errors import FleetError, StateError
+from fleet.host.edge.changes_elsewhere import ChangesElsewhere, ended, waits
 from fleet.host.edge.last_configuration import keep
-from fleet.host.edge.member_rules import name_before, unfit
+from fleet.host.edge.member_rules import groups_hindrance, name_before, unfit
 from fleet.host.edge.membership import Followers, Membership
 from fleet.host.edge.shown_configuration import shown_configuration
 from fleet.host.edge.stops_meanwhile import StopsMeanwhile
-from fleet.host.process.rebuild import rebuild, take_over
+from fleet.host.process.rebuild import hold, rebuild, take_over
 from fleet.host.process.robot_process import RobotProcess
 from fleet.host.robot.local_robot import LocalRobot
 from fleet.host.robot.rest import moving, not_resting
-from fleet.host.safety.stricter import as_strict_as_both, held_back, holds_alike, may_loosen
+from fleet.host.safety.stricter import held_back, holds_alike
 from fleet.host.workers.remote_robot import RemoteRobot
 from fleet.host.workers.worker_changes import WorkerChanges
-from fleet.model.change import FORMAT, Change, ChangeKind, ChangesAnswer, ChangesAsked, Outcome
+from fleet.model.change import (
+    FORMAT,
+    Change,
+    ChangeKind,
+    ChangesAnswer,
+    ChangesAsked,
+    Outcome,
+)
 from fleet.model.command import Transport
 from fleet.model.event import EventKind, EventReport, Requester, Severity
 from fleet.robot_config import AdapterConfig
@@ -44,7 +52,6 @@ log = logging.getLogger(__name__)
 
 LIVE = frozenset({ChangeKind.SETTINGS, ChangeKind.REBUILT})
 MEMBERS = frozenset({ChangeKind.ADDED, ChangeKind.REMOVED, ChangeKind.RENAMED})
-WAITS = "what is stricter holds from now on; the rest waits until it rests: {}"
 LOOSER = "it was rebuilt; what is looser waits until it rests: {}"
 BEFORE = "it has its configuration of before"
 
@@ -75,6 +82,7 @@ class Changes:
         self._meanwhile = StopsMeanwhile(process)
         self._membership = Membership(process, followers, self._meanwhile.engage)
         self._followers = followers
+        self._elsewhere = ChangesElsewhere(workers, remote)
         self._clock: Clock = process.clock
         self._under_way: asyncio.Task[None] | None = None
 
@@ -153,7 +161,8 @@ class Changes:
         if change.kind not in LIVE:
             return ""
         if change.section:
-            return self._section_hindrance(change.name)
+            groups = groups_hindrance(self._running.config, new.config) if change.name == "groups" else ""
+            return groups or self._section_hindrance(change.name)
         here = self._process.robots.get(change.name)
         if here is not None:
             return not_resting(here)
@@ -190,9 +199,15 @@ class Changes:
             else:
                 elsewhere.setdefault(self._remote[change.name].worker, []).append(change)
         for worker, changes in elsewhere.items():
-            done += await self._elsewhere(worker, changes, new, asked)
+            after, ends = await self._elsewhere.carry_out(
+                worker, changes, self._running, new, force=asked.force
+            )
+            done += ends
+            if after is not self._running:
+                self._running = after
+                self._tell()
         missing = [each.name for each in done if each.kind in MEMBERS and each.outcome is not Outcome.DONE]
-        done += self._take_sections(sections, new, missing)
+        done += await self._take_sections(sections, new, missing)
         for change in done:
             _record(self._process, change, asked)
         return tuple(done)
@@ -200,7 +215,7 @@ class Changes:
     async def _member(self, change: Change, new: Loaded, asked: ChangesAsked) -> Change:
         """Add a robot, take it out, or have it go on under a new name."""
         if why := self._member_hindrance(change, new, force=asked.force):
-            return _ended(change, Outcome.REFUSED, why)
+            return ended(change, Outcome.REFUSED, why)
         name, before = change.name, name_before(change, self._running, new)
         try:
             if change.kind is ChangeKind.ADDED:
@@ -213,29 +228,34 @@ class Changes:
             log.exception("the change of %s failed", name)
             trouble = f"{type(error).__name__}: {error}"
         if trouble:
-            return _ended(change, Outcome.FAILED, trouble)
+            return ended(change, Outcome.FAILED, trouble)
         if before:
             self._running = without_robot(self._running, before)
         if change.kind is not ChangeKind.REMOVED:
             self._running = with_robot(self._running, new, name)
         self._tell()
-        return _ended(change, Outcome.DONE)
+        return ended(change, Outcome.DONE)
 
-    def _take_sections(self, changes: list[Change], new: Loaded, missing: list[str]) -> list[Change]:
+    async def _take_sections(self, changes: list[Change], new: Loaded, missing: list[str]) -> list[Change]:
         """Take over sections, all or none: they refer to each other, and to robots (not ``missing`` ones)."""
         if changes and missing:
             why = f"they may name {', '.join(missing)}: see there, and apply again"
-            return [_ended(change, Outcome.REFUSED, why) for change in changes]
-        why = "; ".join(filter(None, (self._section_hindrance(change.name) for change in changes)))
+            return [ended(change, Outcome.REFUSED, why) for change in changes]
+        why = "; ".join(filter(None, (self._hindrance(change, new) for change in changes)))
+        regroups = any(change.name == "groups" for change in changes)
+        if regroups and not why and (why := await self._workers.regroup(new.config.members)):
+            await self._workers.regroup(self._running.config.members)
         if why:
-            return [_ended(change, Outcome.REFUSED, why) for change in changes]
+            return [ended(change, Outcome.REFUSED, why) for change in changes]
         if changes:
             taken = {change.name: getattr(new.config, change.name) for change in changes}
             config = self._running.config.model_copy(update=taken)
             missions = new.missions if "missions" in taken else self._running.missions
             self._running = msgspec.structs.replace(self._running, config=config, missions=missions)
             self._tell()
-        return [_ended(change, Outcome.DONE) for change in changes]
+        if regroups:
+            self._workers.all_run_with(self._running)
+        return [ended(change, Outcome.DONE) for change in changes]
 
     async def _changed(self, change: Change, new: Loaded, asked: ChangesAsked) -> Change:
         """Change a robot of this process; what is wrong with one keeps no other from its change."""
@@ -243,7 +263,7 @@ class Changes:
             return await self._here(change, new, asked)
         except Exception as error:
             log.exception("the change of %s failed", change.name)
-            return _ended(change, Outcome.FAILED, f"{type(error).__name__}: {error}")
+            return ended(change, Outcome.FAILED, f"{type(error).__name__}: {error}")
 
     async def _here(self, change: Change, new: Loaded, asked: ChangesAsked) -> Change:
         """Change a robot of this process."""
@@ -251,63 +271,40 @@ class Changes:
         try:
             config = own_config(robot, new)
         except Exception as error:  # noqa: BLE001 - the validators are the adapter's own code
-            return _ended(change, Outcome.FAILED, f"its adapter, as it is loaded, refuses it: {error}")
+            return ended(change, Outcome.FAILED, f"its adapter, as it is loaded, refuses it: {error}")
         live, moves = change.kind is ChangeKind.SETTINGS, moving(robot)
-        waits = moves if asked.force else not_resting(robot)
-        if waits and (live or not asked.force):
-            return self._stricter(robot, config, new, change, waits)
+        hindrance = moves if asked.force else not_resting(robot)
+        if hindrance and (live or not asked.force):
+            return self._stricter(robot, config, new, change, hindrance)
         can, wanted = robot.controller.can, config
         if moves:  # it is stopped for its rebuild; what is looser waits until it was seen to stand
             config = held_back(robot.config, config, limits=can.limits, separation=can.separation)
         trouble = take_over(robot, config) if live else await rebuild(self._process, robot, config)
         if trouble:
-            return _ended(change, Outcome.FAILED, f"{trouble}; {BEFORE}")
+            return ended(change, Outcome.FAILED, f"{trouble}; {BEFORE}")
         known = {field: getattr(config, field) for field in SETTINGS} if moves else {}
         running = _config_of(new, change.name).model_copy(update=known)
         self._runs_with({change.name: running}, {change.name: new.given[change.name]})
         if moves and not holds_alike(config, wanted, can.limits, can.separation):
-            return _ended(change, Outcome.PARTLY, LOOSER.format(moves))
-        return _ended(change, Outcome.DONE)
+            return ended(change, Outcome.PARTLY, LOOSER.format(moves))
+        return ended(change, Outcome.DONE)
 
     def _stricter(
         self, robot: LocalRobot, config: AdapterConfig, new: Loaded, change: Change, moving: str
     ) -> Change:
         """Hold a robot that does not rest to what is stricter in its new configuration."""
-        can, name = robot.controller.can, robot.name
-        both = as_strict_as_both(robot.config, config, limits=can.limits, separation=can.separation)
-        if change.kind is ChangeKind.SETTINGS and holds_alike(both, config, can.limits, can.separation):
-            if trouble := take_over(robot, config):
-                return _ended(change, Outcome.FAILED, f"{trouble}; {BEFORE}")
+        name = robot.name
+        held = hold(robot, config, whole=change.kind is ChangeKind.SETTINGS)
+        if held.trouble:
+            return ended(change, Outcome.FAILED, f"{held.trouble}; {BEFORE}")
+        if held.complete:
             self._runs_with({name: _config_of(new, name)}, {name: new.given[name]})
-            return _ended(change, Outcome.DONE)
-        if holds_alike(both, robot.config, can.limits, can.separation):
-            return _ended(change, Outcome.REFUSED, moving)
-        if trouble := take_over(robot, both):
-            return _ended(change, Outcome.FAILED, f"{trouble}; {BEFORE}")
-        known = {field: getattr(both, field) for field in SETTINGS}
+            return ended(change, Outcome.DONE)
+        if not held.changed:
+            return ended(change, Outcome.REFUSED, moving)
+        known = {field: getattr(held.config, field) for field in SETTINGS}
         self._runs_with({name: _config_of(self._running, name).model_copy(update=known)}, {})
-        return _ended(change, Outcome.PARTLY, WAITS.format(moving))
-
-    async def _elsewhere(
-        self, worker: str, changes: list[Change], new: Loaded, asked: ChangesAsked
-    ) -> list[Change]:
-        """Change the robots of a worker, which starts again.
-
-        Where it allows more, ``force`` does not count: the worker alone knows now whether its robots rest.
-        """
-        names = [change.name for change in changes]
-        configs = {name: _config_of(new, name) for name in names}
-        looser = [name for name in names if may_loosen(_config_of(self._running, name), configs[name])]
-        after = with_configs(self._running, configs, {name: new.given[name] for name in names})
-        outcome, why = await self._workers.change(worker, after, force=asked.force and not looser)
-        if outcome is Outcome.REFUSED and asked.force and looser:
-            why += f"; what holds {', '.join(looser)} back is not loosened in motion"
-        if outcome in {Outcome.DONE, Outcome.PARTLY}:
-            for name, config in configs.items():
-                self._remote[name].configure(config)
-            self._running = after
-            self._tell()
-        return [_ended(change, outcome, why) for change in changes]
+        return ended(change, Outcome.PARTLY, waits(moving))
 
     def _runs_with(self, configs: Mapping[str, AdapterConfig], given: Mapping[str, str]) -> None:
         """Note what the edge runs with from now on."""
@@ -362,12 +359,7 @@ def _left(change: Change) -> Change:
     """Return a change that is not carried out while the edge runs."""
     if change.kind is ChangeKind.UNTOUCHED:
         return change
-    return _ended(change, Outcome.REFUSED, f"{change.why}: end fleet run and start it again")
-
-
-def _ended(change: Change, outcome: Outcome, why: str = "") -> Change:
-    """Return a change with what came of it."""
-    return msgspec.structs.replace(change, outcome=outcome, why=why)
+    return ended(change, Outcome.REFUSED, f"{change.why}: end fleet run and start it again")
 
 
 def _told(changes: Iterable[Change], asked: ChangesAsked) -> tuple[Change, ...]:

@@ -48,7 +48,7 @@ from fleet.host.process.history_service import HistoryService
 from fleet.host.process.interrupted_commands import tell_interrupted_commands
 from fleet.host.process.robot_process import RobotProcess
 from fleet.host.process.stop_inputs import TELL, StopInputs
-from fleet.host.process.stop_service import serve_stops, stop_everywhere
+from fleet.host.process.stop_service import replace_groups, serve_stops, stop_everywhere
 from fleet.host.requests.stop_cause import local_cause
 from fleet.host.robot.local_robot import LocalRobot
 from fleet.host.robot.robot_positions import positions_of
@@ -168,7 +168,12 @@ class Edge:
             self.remote,
             workers,
             folder=folder,
-            configured=(*self.missions.configured, self.schedules.configure, self._configure),
+            configured=(
+                *self.missions.configured,
+                self.schedules.configure,
+                self._notifier.configure,
+                self._configure,
+            ),
             hindrance=self.missions.hindrance,
             followers=Followers(
                 self.missions,
@@ -311,6 +316,7 @@ class Edge:
     def _configure(self, loaded: Loaded) -> None:
         """Tell what another configuration says from now on."""
         self._config = loaded.config
+        replace_groups(self._groups, loaded.config.members)
 
     def _soon(self, call: Callable[[], None]) -> None:
         """Run a call on the event loop; from any thread."""

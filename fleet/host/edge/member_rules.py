@@ -32,6 +32,14 @@ def name_before(change: Change, running: Loaded, new: Loaded) -> str:
     return next((robot.name for robot in running.config.robots if robot.twin == twins[change.name]), "")
 
 
+def groups_hindrance(running: FleetConfig, new: FleetConfig) -> str:
+    """Return why the groups cannot be taken over now: a stop input knows its robots from its start."""
+    before, after = running.members, new.members
+    other = {name for name in before.keys() | after.keys() if before.get(name) != after.get(name)}
+    named = [one.name for one in running.stop_inputs if other.intersection(one.robots)]
+    return f"stop input {', '.join(named)} names one that changes: {AGAIN}" if named else ""
+
+
 def _unfit_to_add(running: Loaded, new: FleetConfig, added: str, gone: str) -> str:
     """Return why a robot cannot be added; ``gone`` is the robot of the same twin, if there is one."""
     config = running.config

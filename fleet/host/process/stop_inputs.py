@@ -190,7 +190,7 @@ class StopInputs:
     ) -> None:
         self._here = here
         self._elsewhere = elsewhere
-        self._inputs: list[tuple[StopInput, tuple[str, ...]]] = []
+        self._inputs: list[tuple[StopInput, tuple[str, ...]]] = []  # the groups that one names do not change
         for config in inputs:
             names = _names(config, groups)
             one = StopInput(

@@ -89,6 +89,14 @@ def stop_everywhere(
     return stopped
 
 
+def replace_groups(groups: dict[str, list[str]], by: Mapping[str, Iterable[str]]) -> None:
+    """Have other groups; a stop on another thread finds each that stays, old or new, all the time."""
+    for name, robots in by.items():
+        groups[name] = list(robots)
+    for name in groups.keys() - by.keys():
+        del groups[name]
+
+
 def names_in(payload: bytes, groups: Mapping[str, list[str]]) -> tuple[str, ...]:
     """Return the robots that a stop names, groups spelt out; none means all.
 
