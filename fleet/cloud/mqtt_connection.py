@@ -7,7 +7,7 @@ import contextlib
 import logging
 import socket
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import mqtt5
@@ -180,7 +180,7 @@ class MqttConnection:
             data = self._stream.read()
             if self.ended.done():
                 return  # after a goodbye nothing counts but the end
-            self._require_plain(data)
+            self._silent = _still_silent(data) if self._silent else False
             self._keepalive.received(now)
             for packet in self._arrivals.feed(data):
                 self._session.receive(packet, now)
@@ -201,12 +201,6 @@ class MqttConnection:
         if messages := self._session.take_messages():
             self._deliver(messages)
 
-    def _require_plain(self, data: bytes) -> None:
-        """Look at the first bytes of a plain connection; raises CloudError when they are of TLS."""
-        if self._silent and data.startswith(TLS_ALERT):
-            raise CloudError(f"the broker answers with TLS; {TRY_TLS}")
-        self._silent &= not data
-
     def _conclude(self) -> None:
         """Answer the broker what was read, and send what that lets go."""
         if self.ended.done():
@@ -223,6 +217,12 @@ class MqttConnection:
             self._keepalive.interval = self._session.keepalive  # from now on the broker's own counts
             self.ready.set_result(None)
         self.flush()
+
+    def resubscribe(self, subscriptions: Mapping[str, int]) -> None:
+        """Subscribe to other filters from now on; on the loop."""
+        with self._lock:
+            self._session.resubscribe(subscriptions)
+            self._write(self._session.take_replies())
 
     def flush(self) -> None:
         """Write some of what waits, as far as the broker's window and the socket take it, and soon the rest.
@@ -302,3 +302,10 @@ class MqttConnection:
         if data and not self.ended.done() and not self._stream.closed:
             self._stream.write(data)
             self._keepalive.sent(self._clock.monotonic())
+
+
+def _still_silent(data: bytes) -> bool:
+    """Look at the first bytes of a plain connection; raises CloudError when they are of TLS."""
+    if data.startswith(TLS_ALERT):
+        raise CloudError(f"the broker answers with TLS; {TRY_TLS}")
+    return not data
