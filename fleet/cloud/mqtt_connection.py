@@ -34,29 +34,25 @@ Deliver = Callable[[list[CloudMessage]], None]
 
 
 class _NextTurnCall:
-    """A call that the loop makes in its next turn, once however often it is asked for until then."""
+    """A call that the loop makes in its next turn, once however often it is asked for until then.
 
-    def __init__(self, loop: asyncio.AbstractEventLoop, call: Callable[[], None]) -> None:
+    It refers to what is called only until then. A connection that held it for good would be in a circle of
+    references with it, and the garbage collector runs seldom: a broker that is reached and lost again and
+    again would cost memory each time.
+    """
+
+    def __init__(self, loop: asyncio.AbstractEventLoop) -> None:
         self._loop = loop
-        self._call = call
         self._asked = False
 
-    def __call__(self) -> None:
+    def __call__(self, call: Callable[[], None]) -> None:
         if not self._asked:
             self._asked = True
-            self._loop.call_soon(self._make)
+            self._loop.call_soon(self._make, call)
 
-    def cancel(self) -> None:
-        """Make no call any more, and forget what was to be called."""
-        self._call = _do_nothing
-
-    def _make(self) -> None:
+    def _make(self, call: Callable[[], None]) -> None:
         self._asked = False
-        self._call()
-
-
-def _do_nothing() -> None:
-    """Be called where nothing is to be done any more."""
+        call()
 
 
 class MqttConnection:
@@ -90,8 +86,8 @@ class MqttConnection:
         self._silent = not settings.tls  # a plain connection on which nothing was heard yet
         self._deliver = deliver
         self._take = take
-        self._take_on = _NextTurnCall(self._loop, self._follow_up)  # the rest, others having had their turn
-        self._go_on = _NextTurnCall(self._loop, self.flush)
+        self._take_on = _NextTurnCall(self._loop)  # the rest, others having had their turn
+        self._go_on = _NextTurnCall(self._loop)
         self._arrivals = PacketFramer(reader(settings.protocol), PAYLOAD_LIMIT, head=HEAD)
         self._keepalive = Keepalive(settings.keepalive, clock.monotonic())
         self._lock = threading.Lock()  # of everything that reading and writing share
@@ -149,7 +145,7 @@ class MqttConnection:
         except Exception:
             logger.exception("taking what was handed over failed")
         if more:
-            self._take_on()
+            self._take_on(self._follow_up)
         self._loop.call_soon(self._conclude)
 
     def _writable(self) -> None:
@@ -235,7 +231,7 @@ class MqttConnection:
             data = self._session.send(self._clock.monotonic())
             self._write(data)
         if data:
-            self._go_on()
+            self._go_on(self.flush)
 
     async def answered(self) -> None:
         """Wait until the connection is ready, or ended before it was."""
@@ -262,7 +258,7 @@ class MqttConnection:
             self._end(reason)
             # What the kernel still holds of states from before a network fell silent would else arrive as
             # news when that comes back.
-            self._close(reset=code is None)
+            self._stream.close(reset=code is None)
 
     async def leave(self, patience: float) -> None:
         """Say goodbye, so that the broker keeps the will to itself, and close within ``patience`` seconds."""
@@ -272,17 +268,7 @@ class MqttConnection:
             self._stream.shut()
         await asyncio.wait([self.gone], timeout=patience)
         with self._lock:
-            self._close(reset=True)
-
-    def _close(self, *, reset: bool) -> None:
-        """Close the socket, and end the circles of references.
-
-        The garbage collector runs seldom. Until it did, a broker that is reached and lost again and again
-        would cost memory each time.
-        """
-        self._stream.close(reset=reset)
-        self._take_on.cancel()
-        self._go_on.cancel()
+            self._stream.close(reset=True)
 
     def _ping(self) -> KeepaliveAction:
         """Ping when that is due; return what is."""
