@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import stat
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from pathlib import Path
 
 from fleet.config.endpoints import (
@@ -24,6 +24,8 @@ from fleet.config.text import nearest
 from fleet.config.yaml import Document
 from fleet.robot_config import MAIN, AdapterConfig
 
+MOST_TOLD = 5
+"""Robots of which each is warned of for the same reason; more are warned of together."""
 _WAY = "way to the robot"
 _APART = {
     "name": "give each robot a name of its own",
@@ -107,15 +109,23 @@ def warn_of_places(
         return
     on_earth = [index for index, robot in robots.items() if robot.origin is not None or index in at_home]
     started = [index for index, robot in robots.items() if robot.start is not None]
-    for index in sorted(robots.keys() - {*on_earth, *started}):
-        message = "it cannot be placed beside the other robots: separation unknown, they are not kept apart"
-        hint = "start: [metres east, metres north, heading in radians], from the site's origin"
-        document.warn(document.marks["robots", index], message, hint)
+    _warn_of_unplaced(sorted(robots.keys() - {*on_earth, *started}), document)
     others_on_earth = has_partners or set(on_earth) - set(started)
     for index in started if not has_site and others_on_earth else ():
         message = "nobody knows where its start is on Earth, where other robots are: separation unknown"
         mark = document.marks.get(("robots", index, "start")) or document.marks["robots", index]
         document.warn(mark, message, "site: {origin: [latitude, longitude, altitude]}")
+
+
+def _warn_of_unplaced(unplaced: Sequence[int], document: Document) -> None:
+    """Warn of each robot that nobody can place, or once of many: a file may have a thousand."""
+    hint = "start: [metres east, metres north, heading in radians], from the site's origin"
+    told = unplaced if len(unplaced) <= MOST_TOLD else unplaced[:1]
+    others = len(unplaced) - len(told)
+    whose = f"it and {others} other robots" if others else "it"
+    for index in told:
+        message = f"{whose} cannot be placed beside the others: separation unknown, they are not kept apart"
+        document.warn(document.marks["robots", index], message, hint)
 
 
 def warn_of_drop_ins(robots: Mapping[int, AdapterConfig], document: Document) -> None:
