@@ -92,6 +92,7 @@ def plane_params(system_id: int) -> Values:
         "FS_LONG_ACTN": (INT8, 0),
         "FS_LONG_TIMEOUT": (REAL32, 5.0),
         "RTL_ALTITUDE": (REAL32, 100.0),
+        "RTL_AUTOLAND": (INT8, 0),
         "TECS_CLMB_MAX": (REAL32, 5.0),
         "TECS_SINK_MIN": (REAL32, 2.0),
         "THR_FAILSAFE": (INT8, 1),

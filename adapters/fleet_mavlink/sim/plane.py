@@ -184,6 +184,12 @@ class SimArduPlane(ArduPilot):
         super().__init__(boot)
         self.failsafes = PlaneFailsafes(self)
 
+    def refusals(self, *, force: bool) -> list[str]:
+        """Return also that a landing is planned which RTL must not fly."""
+        planned = any(item.command == mav.MAV_CMD_DO_LAND_START for item in self.missions.items)
+        unused = planned and not self.params["RTL_AUTOLAND"] and not force
+        return super().refusals(force=force) + ["DO_LAND_START set and RTL_AUTOLAND disabled"] * unused
+
     @property
     def airspeeds(self) -> FlightSpeeds:
         """How fast it flies on its wings."""

@@ -10,7 +10,7 @@ from fleet.model.navigation import AnyTask, FlyMission, FollowPath
 def circled(task: AnyTask, radius: float) -> Iterable[float]:
     """Yield how wide it circles about each place of a task, m; ``radius`` is its own, 0 for what stands.
 
-    A mission passes those of its waypoints that are not its last item.
+    A mission passes those of its waypoints that are not its last item, and stands where it lands.
     """
     if not radius:
         return
@@ -20,5 +20,5 @@ def circled(task: AnyTask, radius: float) -> Iterable[float]:
         return
     for number, item in enumerate(task.items, 1):
         if item.point is not None:
-            passes = item.kind == "waypoint" and number < len(task.items)
+            passes = item.kind == "land" or (item.kind == "waypoint" and number < len(task.items))
             yield 0.0 if passes else max(radius, item.radius or 0.0)

@@ -25,5 +25,7 @@ def test_a_mission_passes_its_waypoints_and_circles_where_it_stays_and_ends():
         PlanItem("waypoint", PLACE),
     )
     assert list(circled(FlyMission("round", items), 90.0)) == [0.0, 120.0, 90.0]
+    landing = (PlanItem("loiter_to_altitude", PLACE), PlanItem("land", PLACE))
+    assert list(circled(FlyMission("down", landing), 90.0)) == [90.0, 0.0]
     home = (PlanItem("waypoint", PLACE), PlanItem("return_to_launch"))
     assert list(circled(FlyMission("home", home), 90.0)) == [0.0]
