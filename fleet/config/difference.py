@@ -258,12 +258,45 @@ def _line(name: str, old: str | None, new: str | None, shown: Callable[[str, str
     return f"{name}: {told[0] or 'none'} -> {told[1] or 'none'}"
 
 
+OF_ONE_COMPUTER = frozenset(
+    {"edge", "lease", "cloud", "bus", "metrics", "console", "record", "plugins", "notify", "remote_workers"}
+)
+"""Sections that may differ between the two computers of a pair, by variables and secrets."""
+LINKS = frozenset({"link", "links"})
+
+
+def digest_of(loaded: Loaded) -> str:
+    """Return ``pair_digest`` of a loaded fleet file."""
+    return pair_digest(outline_of(loaded), loaded.folder.absolute())
+
+
+def pair_digest(outline: Outline, folder: PurePath) -> str:
+    """Return the digest of what the two edges of a pair must agree about: robots, missions, places and so on.
+
+    Links may differ, and the ``folder`` of the file. The digest leaves the computer: no secret is part of it.
+    """
+    sections = {name: fields for name, fields in outline.sections.items() if name not in OF_ONE_COMPUTER}
+    told = [
+        (name, field, value.replace(str(folder), "."))
+        for parts in (sections, outline.robots)
+        for name, fields in sorted(parts.items())
+        for field, value in sorted(fields.items())
+        if field.partition(".")[0] not in LINKS and not _is_secret(field)
+    ]
+    return hashlib.sha256(json.dumps(told).encode()).hexdigest()[:16]
+
+
+def _is_secret(field: str) -> bool:
+    """Return whether a field's value is a secret, by its dotted name."""
+    return any(map(is_secret, field.split(".")))
+
+
 def shown_by(secrets: Iterable[str]) -> Callable[[str, str], str]:
     """Return what shows values for people, without these secrets and without those of secret fields."""
     masking = Masking(secrets)
 
     def shown(name: str, value: str) -> str:
-        if any(is_secret(part) for part in name.split(".")):
+        if _is_secret(name):
             return MASK
         text = masking.text(value)
         text = text[1:-1] if text.startswith('"') else text

@@ -156,7 +156,7 @@ class Edge:
             config, folder, self.missions.starter, states=self.states, record=history.add, clock=clock
         )
         history.told = self.schedules.before(self._notifier.take)
-        self._pair = part_in_pair(config, gate, self.process, self.schedules.run)
+        self._pair = part_in_pair(loaded, gate, self.process, self.schedules.run)
         self._watches: DropInWatch | None = None
         self._loaded = loaded
         self._worker_changes = workers = WorkerChanges(
@@ -172,6 +172,7 @@ class Edge:
                 *self.missions.configured,
                 self.schedules.configure,
                 self._notifier.configure,
+                self._pair.configure,
                 self._configure,
             ),
             hindrance=self.missions.hindrance,
@@ -293,6 +294,7 @@ class Edge:
             places=places_of(self._config.places),
             pair=self._pair.role,
             epoch=self._pair.epoch,
+            pair_file=self._pair.file,
         )
 
     def services(self) -> list[Health]:

@@ -1,6 +1,7 @@
 """Two fleet files to what differs: every robot once, each field in the table, no secret shown."""
 
 import json
+from pathlib import PurePath
 from uuid import UUID
 
 import pytest
@@ -18,6 +19,7 @@ from fleet.config.difference import (
     flat,
     not_shown,
     outline_of,
+    pair_digest,
     renamed,
     shown_by,
 )
@@ -154,3 +156,16 @@ def test_values_of_every_kind_are_flat_text():
         "d": f'"{TWIN.format(1)}"',
         "e": '["x", "y"]',
     }
+
+
+def test_the_digest_of_a_pair_leaves_out_what_belongs_to_one_computer():
+    def digest(folder="/etc/fleet", edge="a", **robot):
+        path = json.dumps(f"{folder}/body.yaml")
+        fields = {"link": '"tcp:1"', "password": '"x"', "body": path, "limits.speed": "1.0"} | robot
+        sections = {"edge": {"id": json.dumps(edge)}, "cloud": {"token": "1"}, "places": {"gate.at": "[1]"}}
+        return pair_digest(Outline(edge, sections, {"rex": fields}), PurePath(folder))
+
+    plain = digest()
+    assert plain == digest("/home/fleet", "b", link='"tcp:2"', password='"y"')
+    assert plain != digest(**{"limits.speed": "2.0"})
+    assert len(plain) == 16
