@@ -163,7 +163,7 @@ function scheduleItem(schedule) {
     { class: "run" },
     element("p", {}, element("b", {}, schedule.name), ` ${schedule.mission}, ${schedule.trigger}`),
     element("p", { class: "dim" }, `${next} · ${past}`),
-    element("div", { class: "row" }, button("Start now", "run"), schedule.enabled ? button("Switch off", "disable") : button("Switch on", "enable")),
+    store.past ? "" : element("div", { class: "row" }, button("Start now", "run"), schedule.enabled ? button("Switch off", "disable") : button("Switch on", "enable")),
   );
 }
 
