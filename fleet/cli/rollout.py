@@ -58,7 +58,8 @@ def rollout() -> None:
 
 @rollout.command()
 @click.argument("folder", default=".", type=click.Path(exists=True, file_okay=False, path_type=Path))
-def agent(folder: Path) -> ExitCode:
+@with_output
+def agent(out: Output, folder: Path) -> ExitCode:
     """Run the agent of the edge whose bundles are in FOLDER, until Ctrl-C.
 
     It takes the bundles that the edge shall run, and reports how far it is. The edge runs by itself, with
@@ -68,7 +69,7 @@ def agent(folder: Path) -> ExitCode:
     settings = read_settings(folder / FILE)
     if settings.edge is None:
         raise click.ClickException(f"{folder / FILE} names no edge: add  edge: NAME")
-    end_logging = start_logging(LogSettings(logging.INFO))
+    end_logging = start_logging(LogSettings(logging.INFO, "json" if out.as_json else "text"))
     installation = Installation(folder)
     installation.take()
     try:
@@ -76,6 +77,8 @@ def agent(folder: Path) -> ExitCode:
     finally:
         installation.let_go()
         end_logging()
+    record = installation.record()
+    out.data({"edge": settings.edge, "stage": record.stage, "running": record.running})
     return ExitCode.OK
 
 

@@ -85,6 +85,10 @@ class Connection:
     def silent(self, error: Exception) -> StoreError:
         """Return the error for a store that does not answer or refuses."""
         words = self._said or str(error) or type(error).__name__
+        if not self._said and isinstance(error, BrokenPipeError | ConnectionResetError):
+            words = (
+                "it ended the connection, as with a certificate or an account that it refuses; see its log"
+            )
         self._said = ""
         servers = ", ".join(self._settings.servers)
         return StoreError(f"the store of roll-outs ({servers}) does not answer {self._name}: {words}")

@@ -27,6 +27,7 @@ tls {{
 }}
 """
 ADDRESS = "a" * 64
+ENDED = "a certificate or an account that it refuses"  # if it closes before the client has read why
 
 
 class Authority:
@@ -192,9 +193,9 @@ async def test_an_edge_is_refused_what_its_account_does_not_have(server, fleet, 
     ("how", "words"),
     [
         ("the edge trusts another authority", "certificate verify failed"),
-        ("another authority issued the edge's certificate", "(?i)unknown ca"),
-        ("the certificate has expired", "(?i)certificate expired"),
-        ("the certificate is of no account", "(?i)authorization violation"),
+        ("another authority issued the edge's certificate", f"(?i)unknown ca|{ENDED}"),
+        ("the certificate has expired", f"(?i)certificate expired|{ENDED}"),
+        ("the certificate is of no account", f"(?i)authorization violation|{ENDED}"),
         ("the certificate is of another edge", "(?i)permissions violation"),
     ],
 )
