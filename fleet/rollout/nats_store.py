@@ -114,8 +114,15 @@ class Connection:
 
     async def _heard(self, error: Exception) -> None:
         """Keep what the server says; whoever waits for an answer tells it."""
-        self._said = str(error) or type(error).__name__
+        self._said = _words(error)
         log.debug("the store of roll-outs: %s", self._said)
+
+
+def _words(error: Exception) -> str:
+    """Return an error in words; a server may close before its reason was read."""
+    if isinstance(error, BrokenPipeError | ConnectionResetError):
+        return "it ended the connection, as with a certificate or an account that it refuses; see its log"
+    return str(error) or type(error).__name__
 
 
 def _tls(settings: RolloutSettings) -> ssl.SSLContext:
