@@ -80,7 +80,8 @@ class Standby:
         self._serving: asyncio.Task[None] | None = None
         self._terms = Terms()
         run = f"{self._edge}-{os.getpid()}-{uuid.uuid4().hex[:12]}"
-        lease = Lease(self._edge, run, self._terms, digest_of(loaded))
+        self.file = digest_of(loaded)  # what both edges must agree about
+        lease = Lease(self._edge, run, self._terms, self.file)
         self._keeper = LeaseKeeper(lease, _store(config), self, clock=boot_time)
         self._letting_go: asyncio.Task[None] | None = None
         self._barred = True
@@ -99,14 +100,9 @@ class Standby:
             )
         return self._keeper.problem
 
-    @property
-    def file(self) -> str:
-        """The digest of what both edges must agree about."""
-        return self._keeper.lease.config
-
     def configure(self, loaded: Loaded) -> None:
         """Tell what the edge runs with from now on."""
-        self._keeper.lease.config = digest_of(loaded)
+        self.file = self._keeper.lease.config = digest_of(loaded)
 
     @property
     def role(self) -> str:
@@ -207,13 +203,13 @@ class Standby:
         if self._serving is not None:
             self._serving.cancel()
             self._serving = None
-        self._letting_go = asyncio.ensure_future(self._let_go())
 
-    async def _let_go(self) -> None:
-        """Say that no link is open any more, once it is so."""
-        await self._process.runs.all_ended()
-        self._gate.epoch = 0
-        self._keeper.let_go()
+        async def let_go() -> None:  # once no link is open any more
+            await self._process.runs.all_ended()
+            self._gate.epoch = 0
+            self._keeper.let_go()
+
+        self._letting_go = asyncio.ensure_future(let_go())
 
     def _waits(self) -> None:
         """Show that the robots are another edge's."""
