@@ -20,7 +20,15 @@ from fleet.rollout.bundle import Bundle, BundleError, opened
 from fleet.rollout.decision import Action, Record, Refusal, action, version_refusal
 from fleet.rollout.edge_here import Applied, EdgeHere
 from fleet.rollout.installation import Installation
-from fleet.rollout.messages import MOST_LINES, Desired, Observed, Stage
+from fleet.rollout.messages import (
+    LONGEST_LINE,
+    LONGEST_SETTLE,
+    LONGEST_WHY,
+    MOST_LINES,
+    Desired,
+    Observed,
+    Stage,
+)
 from fleet.rollout.signature import PublicKey
 from fleet.rollout.store import EdgeStore, StoreError
 from fleet.version import __version__
@@ -28,9 +36,7 @@ from fleet.version import __version__
 log = logging.getLogger(__name__)
 
 MOST_REFUSALS = 100
-LONGEST_WHY = 500  # characters
 HEALTH_EVERY = 1.0  # s
-LONGEST_SETTLE = 600.0  # s
 REPORT_EVERY = 60.0  # s, also without news
 
 
@@ -155,7 +161,7 @@ class Agent:
         failed = applied.failed
         if not failed and not applied.waits:
             failed = await self._worse(min(desired.settle, LONGEST_SETTLE) if desired else 0.0)
-        self._keep(lines=applied.lines[:MOST_LINES] or self.record.lines)
+        self._keep(lines=_bounded(applied.lines) or self.record.lines)
         if failed:
             await self._go_back(Stage.FAILED, failed)
         elif applied.waits:
@@ -286,6 +292,11 @@ class Agent:
             self._silent(error)
         else:
             self._reported, self._reported_at = record, now
+
+
+def _bounded(lines: tuple[str, ...]) -> tuple[str, ...]:
+    """Return lines as they are reported: so many, so long."""
+    return tuple(line[:LONGEST_LINE] for line in lines[:MOST_LINES])
 
 
 def _one_line(error: FleetError) -> str:

@@ -84,7 +84,9 @@ def opened(data: bytes, trusted: Mapping[str, PublicKey], address: str = "") -> 
         raise BundleError(f"the bundle's content is not that of {address[:12]}: it was changed on its way")
     if not is_signed(HEAD + content, header.signature, header.key, trusted):
         known = ", ".join(sorted(trusted)) or "none"
-        raise BundleError(f"no trusted key signed the bundle: it names key {header.key}; trusted: {known}")
+        raise BundleError(
+            f"no trusted key signed the bundle: it names key {header.key[:16]!r}; trusted: {known}"
+        )
     bundle = _decoded(content)
     _check(bundle)
     return found, bundle

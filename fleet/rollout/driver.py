@@ -97,7 +97,8 @@ class Driver:
     async def turn(self) -> tuple[Rollout, dict[str, Observed]]:
         """Take one step; raises StoreError, RolloutMissing."""
         rollout, revision = await self._stored()
-        observed = await self._store.observed(rollout.progress.told)
+        told = rollout.progress.told
+        observed = await self._store.observed(edge for edge, each in told.items() if each is Told.OPEN)
         now = self._clock.time()
         progress = step(plan_of(rollout), rollout.progress, verdicts(rollout, observed), now)
         return await self._advance(rollout, progress, revision), observed

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from enum import StrEnum
-from typing import TypeVar
+from typing import Annotated, TypeVar
 
 import msgspec
+from msgspec import Meta
 
 from fleet.errors import StateError
 from fleet.rollout.waves import Progress
@@ -14,6 +15,13 @@ from fleet.runtime.decoding import decode_json
 FORMAT = 1
 LARGEST = 1 << 20  # bytes of one entry
 MOST_LINES = 50  # of changes that an edge reports
+LONGEST_LINE = 200  # characters
+LONGEST_WHY = 500  # characters
+LONGEST_SETTLE = 600.0  # s
+
+Id = Annotated[str, Meta(max_length=64)]
+Address = Annotated[str, Meta(pattern="^([0-9a-f]{64})?$")]
+"""The address of a bundle; empty for none."""
 
 T = TypeVar("T", bound=msgspec.Struct)
 
@@ -40,11 +48,11 @@ class Desired(msgspec.Struct, frozen=True):
     stay healthy with it. ``by``: who rolls out. ``withdrawn``: no longer, if the edge is not done.
     """
 
-    rollout: str
-    bundle: str
-    parts: int
-    settle: float = 0.0
-    by: str = ""
+    rollout: Id
+    bundle: Address
+    parts: Annotated[int, Meta(ge=1, le=1000)]
+    settle: Annotated[float, Meta(ge=0, le=LONGEST_SETTLE)] = 0.0
+    by: Annotated[str, Meta(max_length=256)] = ""
     withdrawn: bool = False
     format: int = FORMAT
 
@@ -55,17 +63,19 @@ class Observed(msgspec.Struct, frozen=True):
     ``lines`` say what changed, one line for each robot or section; ``health`` is that of the edge.
     """
 
-    edge: str
-    rollout: str
-    bundle: str
+    edge: Id
+    rollout: Id
+    bundle: Address
     stage: Stage
-    why: str = ""
-    lines: tuple[str, ...] = ()
-    running: str = ""
+    why: Annotated[str, Meta(max_length=LONGEST_WHY)] = ""
+    lines: Annotated[
+        tuple[Annotated[str, Meta(max_length=LONGEST_LINE)], ...], Meta(max_length=MOST_LINES)
+    ] = ()
+    running: Address = ""
     version: int = 0
-    health: str = ""
+    health: Id = ""
     stamp: float = 0.0
-    fleet: str = ""
+    fleet: Id = ""
     format: int = FORMAT
 
 
