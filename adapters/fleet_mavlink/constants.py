@@ -118,6 +118,7 @@ ARDUPILOT, PX4 = 3, 12  # MAV_AUTOPILOT
 MULTIROTORS = (2, 3, 4, 13, 14, 15, 29, 35)  # MAV_TYPE: multirotors; other types are not flown
 VTOLS = range(19, 26)  # MAV_TYPE
 ON_THE_SURFACE = frozenset({5, 10, 11})  # MAV_TYPE: vehicles without a meaningful height above home
+VTOL_GOES_FORWARD = 1  # MAV_VTOL_STATE: it goes over to its wings
 VTOL_HOVERS = frozenset({2, 3})  # MAV_VTOL_STATE: it hovers, or is about to
 VEHICLE_TYPES: Mapping[int, str] = {
     0: "generic",

@@ -170,6 +170,7 @@ class MissionPilot:
     def _speeds(self, mission: FlyMission) -> tuple[float, float]:
         """Return the fastest speed, and the first where none is asked for; raises as ``Winged.airspeed``."""
         limit, flavour, state = self._limits.speed, self._flight.flavour, self._vehicle.state
+        flavour = flavour.forward or flavour
         if not isinstance(flavour, Winged):
             return limit or math.inf, math.inf
         for wanted in (mission.constraints.max_speed, *(item.speed for item in mission.items)):
@@ -263,7 +264,8 @@ class MissionPilot:
     def _around(self) -> float:
         """How far from a place it stays that it was told to stay at, m."""
         flavour = self._flight.flavour
-        return flavour.reach(self._vehicle.state) if isinstance(flavour, Winged) else _CLOSE
+        flies = flavour.forward or flavour
+        return flies.reach(self._vehicle.state) if isinstance(flies, Winged) else _CLOSE
 
     def _away(self, point: GeoPoint) -> float:
         """Return metres over ground to a place, infinite while the position is unknown."""

@@ -131,7 +131,20 @@ def warn_of_drop_ins(robots: Mapping[int, AdapterConfig], document: Document) ->
             )
 
 
-def check_stop_inputs(data: Mapping[str, object], document: Document) -> None:
+def check_names(data: Mapping[str, object], document: Document) -> None:
+    """Report what one section names and another does not have."""
+    for check in (
+        _check_stop_inputs,
+        _check_notify,
+        _check_schedules,
+        _check_workflows,
+        _check_partners,
+        _check_console_map,
+    ):
+        check(data, document)
+
+
+def _check_stop_inputs(data: Mapping[str, object], document: Document) -> None:
     """Report stop inputs of one name, and those that stop what there is not."""
     inputs, listed, groups = data.get("stop_inputs"), data.get("robots"), data.get("groups")
     if not isinstance(inputs, list) or not isinstance(listed, list):
@@ -152,7 +165,7 @@ def check_stop_inputs(data: Mapping[str, object], document: Document) -> None:
                 document.report(mark, f"there is no robot or group {name!r}", nearest(name, names))
 
 
-def check_notify(data: Mapping[str, object], document: Document) -> None:
+def _check_notify(data: Mapping[str, object], document: Document) -> None:
     """Report targets of notices for robots and groups that there are not."""
     targets, listed, groups = (data.get(key) for key in ("notify", "robots", "groups"))
     if not isinstance(targets, list) or not isinstance(listed, list):
@@ -167,7 +180,7 @@ def check_notify(data: Mapping[str, object], document: Document) -> None:
                 document.report(mark, f"there is no robot or group {name!r}", nearest(name, names))
 
 
-def check_schedules(data: Mapping[str, object], document: Document) -> None:
+def _check_schedules(data: Mapping[str, object], document: Document) -> None:
     """Report schedules of missions and robots that there are not."""
     schedules, missions, listed = (data.get(key) for key in ("schedules", "missions", "robots"))
     if not isinstance(schedules, dict) or not isinstance(listed, list):
@@ -189,7 +202,7 @@ def check_schedules(data: Mapping[str, object], document: Document) -> None:
                 document.report(mark, f"there is no robot {robot!r}", nearest(robot, robots))
 
 
-def check_partners(data: Mapping[str, object], document: Document) -> None:
+def _check_partners(data: Mapping[str, object], document: Document) -> None:
     """Report robots of other edges whose names are taken, and an edge that is its own partner."""
     partners, listed, edge = data.get("partners"), data.get("robots"), data.get("edge")
     robots = listed if isinstance(listed, list) else []
@@ -205,7 +218,17 @@ def check_partners(data: Mapping[str, object], document: Document) -> None:
             taken.add(str(robot))
 
 
-def check_workflows(data: Mapping[str, object], document: Document) -> None:
+def _check_console_map(data: Mapping[str, object], document: Document) -> None:
+    """Report a map of a site that is nowhere on Earth."""
+    console, site = data.get("console"), data.get("site")
+    if not isinstance(console, dict) or console.get("map") is None:
+        return
+    if not isinstance(site, dict) or site.get("origin") is None:
+        hint = "site: {origin: [latitude, longitude, altitude]}"
+        document.report(document.marks["console", "map"], "nobody knows where the site is on this map", hint)
+
+
+def _check_workflows(data: Mapping[str, object], document: Document) -> None:
     """Report workflows of missions that there are not."""
     cloud, missions = data.get("cloud"), data.get("missions")
     workflows = cloud.get("workflows") if isinstance(cloud, dict) else None

@@ -21,13 +21,9 @@ from fleet.config.checks import (
     check_bus,
     check_consoles,
     check_followers,
-    check_notify,
-    check_partners,
+    check_names,
     check_robots,
-    check_schedules,
-    check_stop_inputs,
     check_workers,
-    check_workflows,
     warn_of_batteries,
     warn_of_drop_ins,
     warn_of_places,
@@ -158,11 +154,7 @@ def _check_together(document: Document, sections: Sections | None, robots: Mappi
     identities = {index: robot.identity for index, robot in robots.items() if robot.identity}
     check_robots(document.data.get("robots"), identities, document)
     check_groups(document.data, document)
-    check_stop_inputs(document.data, document)
-    check_notify(document.data, document)
-    check_schedules(document.data, document)
-    check_workflows(document.data, document)
-    check_partners(document.data, document)
+    check_names(document.data, document)
     check_pair({index: (robot.config, robot.plugin) for index, robot in robots.items()}, document)
     configs = {index: robot.config for index, robot in robots.items()}
     check_followers(configs, document)

@@ -9,7 +9,10 @@
 ``GET /ws``                the WebSocket of a page
 ``POST /api/stop``         an emergency stop; a request that is known by the WebSocket is not asked again
 ``GET /api/stops/ID``      how that stop goes
+``GET /api/basemap``       how the map under the robots is placed, if there is one
+``GET /api/tiles/Z/X/Y``   a picture of it
 ``POST /api/recording``    a window of the recordings as a file
+``GET /foxglove/TOKEN``    the WebSocket of Foxglove, on loopback only
 =========================  ==========================================================================
 """
 
@@ -30,7 +33,7 @@ from starlette.websockets import WebSocket
 
 from fleet.console.exports import Window
 from fleet.console.files import PageFile, page_files
-from fleet.console.guard import LONGEST_BODY, Guard, Served
+from fleet.console.guard import FOXGLOVE, LONGEST_BODY, Guard, Served
 from fleet.console.hub import MOST_TABS, Hub
 from fleet.console.login import Login, LoginRefused
 from fleet.console.passwords import LONGEST as LONGEST_PASSWORD
@@ -95,6 +98,7 @@ class _App:
             if self._login is None
             else Route("/api/login", self._log_in, methods=["POST"])
         )
+        views = [WebSocketRoute(FOXGLOVE + "{token}", self._foxglove)] if self._login is None else []
         return Starlette(
             routes=[
                 begin,
@@ -102,8 +106,11 @@ class _App:
                 Route("/api/logout", self._log_out, methods=["POST"]),
                 Route("/api/stop", self._stop, methods=["POST"]),
                 Route("/api/stops/{request}", self._stopped),
+                Route("/api/basemap", self._basemap),
+                Route("/api/tiles/{zoom:int}/{column:int}/{row:int}", self._tile),
                 Route("/api/recording", self._recording, methods=["POST"]),
                 WebSocketRoute("/ws", self._tab),
+                *views,
                 Route("/{path:path}", self._file),
             ]
         )
@@ -201,6 +208,23 @@ class _App:
         found = self._hub.view.get("stops", request.path_params["request"])
         return _json(found) if found else _json({"error": "there is no such stop"}, 404)
 
+    async def _basemap(self, request: Request) -> Response:
+        """Tell what a page must know of the map under the robots; nothing where there is none."""
+        if self._operator(request) is None:
+            return self._nobody()
+        return _json(self._hub.tiles.told if self._hub.tiles is not None else {})
+
+    async def _tile(self, request: Request) -> Response:
+        """Send a picture of the map; nothing where it has none."""
+        if self._operator(request) is None:
+            return self._nobody()
+        at = request.path_params
+        tiles = self._hub.tiles
+        found = await tiles.tile(at["zoom"], at["column"], at["row"]) if tiles is not None else None
+        if found is None:
+            return Response(status_code=204)  # no error: a map ends somewhere
+        return Response(found.content, media_type=found.media_type)
+
     async def _recording(self, request: Request) -> Response:
         """Send a window of the recordings."""
         operator = self._operator(request)
@@ -233,6 +257,10 @@ class _App:
         finally:
             watching.cancel()
             self._hub.tabs.discard(tab)
+
+    async def _foxglove(self, socket: WebSocket) -> None:
+        """Serve the WebSocket of Foxglove."""
+        await self._hub.foxglove.serve(socket, socket.path_params["token"])
 
     async def _end_with(self, session: Session, socket: WebSocket) -> None:
         """Close a page when its session ends; while the page is open, the session is in use."""

@@ -21,6 +21,7 @@ from fleet.history.event_filter import EventFilter
 from fleet.history.record import Record
 from fleet.record.recorder import Recorder
 from fleet.record.ring import Ring
+from fleet.record.sources import REPORTS, asked_first, published
 from fleet.record.task import RecordTask
 from fleet.runtime.decoding import decode_json
 
@@ -31,17 +32,6 @@ EVERY = 0.4
 HISTORY_EVERY = 1.0  # s between questions for the history; each reads it from the disk of the edge
 ANSWER_WITHIN = 2.0  # s for states and history
 OVERLAP = 2.0  # s that are asked for again: workers write their events later than the edge does
-REPORTS = "cw/*/data/**"
-
-
-def published(edge: str) -> tuple[str, ...]:
-    """Return the keys on which an edge publishes what is recorded besides reports."""
-    return (*asked_first(edge), keys.places(edge, "*"), keys.held(edge), keys.stop(edge))
-
-
-def asked_first(edge: str) -> tuple[str, ...]:
-    """Return the keys whose last value is asked for: what does not change is not published soon."""
-    return (keys.state(edge, "*"), keys.health(edge), keys.run(edge, "*"))
 
 
 async def record(

@@ -89,10 +89,13 @@ ASK = {
     "fleet/yard/elsewhere": {"hub"},
     "fleet/yard/failover": {"hub"},  # it moves robots to another edge: for users of the edge's own computer
     "fleet/yard/changes": {"hub"},  # it changes robots: for users of the edge's own computer
+    "fleet/yard/workers/arms/hold": {"hub"},  # it configures robots: likewise
     "fleet/yard/workers/arms/reload": {"hub"},  # it loads code: for users of the edge's own computer
 }
 ANSWER = {
+    "fleet/yard/workers/arms/hold": {"arms", "hub"},
     "fleet/yard/workers/arms/reload": {"arms", "hub"},
+    "fleet/yard/workers/legs/hold": {"hub"},
     "fleet/yard/workers/legs/reload": {"hub"},
     "fleet/yard/robots/max/command": {"arms", "hub"},
     "fleet/yard/robots/max/command/as/view/desk": {"arms", "hub"},
@@ -309,7 +312,17 @@ def test_every_key_of_the_fleet_is_given_to_somebody_or_kept():
     decided = {"edge", "robot", "claim", "claims", "command", "holders", "places", "state", "worker"}
     decided |= {"heartbeat", "halt", "health", "stop", "held", "video", "history", "description"}
     decided |= {"prepare", "starts", "starting", "schedules"}
-    decided |= {"mission", "run", "reload", "coordinator", "as_console", "changes", "frames", "failover"}
+    decided |= {
+        "mission",
+        "run",
+        "hold",
+        "reload",
+        "coordinator",
+        "as_console",
+        "changes",
+        "frames",
+        "failover",
+    }
     decided |= {"summary"}
     assert {name for name, _ in inspect.getmembers(keys, inspect.isfunction)} == decided
 

@@ -50,7 +50,9 @@ def test_the_same_file_differs_in_nothing(one):
 def test_every_robot_of_either_file_is_told_once_and_every_section_that_differs(old, new):
     found = difference(old, new, not_shown)
     robots = [change for change in found if not change.section]
-    assert sorted(change.name for change in robots) == sorted({*old.robots, *new.robots})
+    names = [change.name for change in robots]
+    names += [renamed(old, new)[change.name] for change in robots if change.kind is ChangeKind.RENAMED]
+    assert sorted(names) == sorted({*old.robots, *new.robots})
     sections = {change.name for change in found if change.section}
     known = {*old.sections, *new.sections}
     assert sections == {name for name in known if old.sections.get(name, {}) != new.sections.get(name, {})}
@@ -64,6 +66,9 @@ def test_what_becomes_of_a_robot_follows_from_its_fields_alone(old, new):
             continue
         was, now = old.robots.get(change.name), new.robots.get(change.name)
         expected = ChangeKind.ADDED if was is None else ChangeKind.REMOVED if now is None else None
+        if change.kind is ChangeKind.RENAMED:
+            assert (was, now["twin"]) == (None, old.robots[renamed(old, new)[change.name]]["twin"])
+            continue
         if was is not None and now is not None:
             expected = kind_of({name.split(".")[0] for name in changed(was, now)}, was)
         assert change.kind is expected

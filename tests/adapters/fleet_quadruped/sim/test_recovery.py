@@ -36,6 +36,21 @@ def test_it_gets_up_from_whatever_it_lies_on(any_dog, turn):
     assert (rig.mode, rig.fault) == (Mode.STANDING, "")
 
 
+def orientations(count):
+    chance = random.Random(99)
+    return [random_turn(chance) for _ in range(count)]
+
+
+def test_a_dog_with_soft_joints_frees_a_leg_that_lies_under_its_body(mit_dog):
+    assert tries_needed(mit_dog, orientations(32)[31]) is not None
+
+
+def test_it_gets_up_from_each_of_many_orientations(any_dog, request):
+    """All of ``--soak``'s sixty are in docs/how-to/quadruped.md."""
+    count = 60 if request.config.getoption("--soak") else 3
+    assert [turn for turn in orientations(count) if tries_needed(any_dog, turn, most=5) is None] == []
+
+
 def test_tuning_heeds_the_monitor_and_the_limits_of_reality(dog):
     strict = dog.model_copy(update={"safety": dog.safety.model_copy(update={"following": 0.01})})
     assert tries_needed(dog, TURNS[1]) is not None
