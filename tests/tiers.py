@@ -56,7 +56,10 @@ BUT = (
     "fleet/link/test_tcp.py",
     "fleet/link/test_udp.py",
     "fleet/spool/test_spool.py",
-    # wait for nothing, but fly for seconds of processor time
+    # wait for nothing, but walk and fly for seconds of processor time
+    "adapters/fleet_quadruped/body/test_posing.py",
+    "adapters/fleet_quadruped/can/test_capture.py",
+    "adapters/fleet_mavlink/test_wings.py",
     "adapters/fleet_mavlink/test_velocity_stream.py",
     "adapters/fleet_mavlink/test_flight.py",
     "adapters/fleet_mavlink/test_flight_list.py",
