@@ -9,6 +9,8 @@
 ``GET /ws``                the WebSocket of a page
 ``POST /api/stop``         an emergency stop; a request that is known by the WebSocket is not asked again
 ``GET /api/stops/ID``      how that stop goes
+``GET /api/basemap``       how the map under the robots is placed, if there is one
+``GET /api/tiles/Z/X/Y``   a picture of it
 ``GET /api/photos/ROBOT``  the newest picture of a robot that a page shows
 ``POST /api/recording``    a window of the recordings as a file
 ``GET /foxglove/TOKEN``    the WebSocket of Foxglove, on loopback only
@@ -118,6 +120,8 @@ class _App:
                 Route("/api/logout", self._log_out, methods=["POST"]),
                 Route("/api/stop", self._stop, methods=["POST"]),
                 Route("/api/stops/{request}", self._stopped),
+                Route("/api/basemap", self._basemap),
+                Route("/api/tiles/{zoom:int}/{column:int}/{row:int}", self._tile),
                 Route("/api/photos/{robot:path}", self._photo),
                 Route("/api/recording", self._recording, methods=["POST"]),
                 WebSocketRoute("/ws", self._tab),
@@ -218,6 +222,23 @@ class _App:
             return self._nobody()
         found = self._hub.view.get("stops", request.path_params["request"])
         return _json(found) if found else _json({"error": "there is no such stop"}, 404)
+
+    async def _basemap(self, request: Request) -> Response:
+        """Tell what a page must know of the map under the robots; nothing where there is none."""
+        if self._operator(request) is None:
+            return self._nobody()
+        return _json(self._hub.tiles.told if self._hub.tiles is not None else {})
+
+    async def _tile(self, request: Request) -> Response:
+        """Send a picture of the map; nothing where it has none."""
+        if self._operator(request) is None:
+            return self._nobody()
+        at = request.path_params
+        tiles = self._hub.tiles
+        found = await tiles.tile(at["zoom"], at["column"], at["row"]) if tiles is not None else None
+        if found is None:
+            return Response(status_code=204)  # no error: a map ends somewhere
+        return Response(found.content, media_type=found.media_type)
 
     async def _photo(self, request: Request) -> Response:
         """Send the newest picture of a robot."""

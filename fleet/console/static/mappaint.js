@@ -1,5 +1,6 @@
 // Paints the map: grid, places, fences, tracks, goals, robots.
 
+import { paintBasemap } from "./basemap.js";
 import { byId, counted } from "./dom.js";
 import { paintDrawing } from "./draw.js";
 import { colors, map, paint, size, toScreen, toSite, view } from "./mapview.js";
@@ -35,8 +36,12 @@ function drawLine(x, y, step, digits) {
   paint.fillStyle = colors.dim;
   paint.textAlign = "left";
   const text = Math.abs(value) < step / 1000 ? "0" : value.toFixed(digits);
-  if (x !== null) paint.fillText(text, at + 3, size.height - 6);
-  else paint.fillText(text, 4, at - 3);
+  const place = x !== null ? [at + 3, size.height - 6] : [4, at - 3];
+  paint.lineWidth = 3;
+  paint.strokeStyle = colors.paper; // around the figures, which a map may lie under
+  paint.strokeText(text, ...place);
+  paint.lineWidth = 1;
+  paint.fillText(text, ...place);
 }
 
 function polygon(points) {
@@ -259,6 +264,7 @@ function drawPast() {
 // Paint the whole map.
 export function paintMap() {
   paint.clearRect(0, 0, size.width, size.height);
+  paintBasemap();
   if (store.past) drawPast();
   drawGrid();
   drawPlaces();
