@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping
 from typing import ClassVar
 
-from fleet import GeoOrigin, GeoPoint, Vector3, Velocity, geo_from_world
+from fleet import GeoOrigin, GeoPoint, NotReady, Refused, Vector3, Velocity, geo_from_world
 from fleet_mavlink.ardupilot_flavour import ArduPilotFlavour
 from fleet_mavlink.constants import NAN, VTOL_GOES_FORWARD, VTOL_HOVERS, Cmd, Frame
 from fleet_mavlink.flavour import Flavour
@@ -16,10 +16,12 @@ from fleet_mavlink.vehicle_kind import Brake
 from fleet_mavlink.vocabulary import HOVERING, NO_VELOCITIES, UNSET_QUADPLANE
 from fleet_mavlink.wings import Winged
 
-GUIDED_HOVERS = "Q_GUIDED_MODE"
+GUIDED_HOVERS, _ASSIST = "Q_GUIDED_MODE", "Q_ASSIST_SPEED"
+_ABOVE_ASSIST = 2.0  # m/s
 _BY_ROTORS = frozenset({"QSTABILIZE", "QHOVER", "QLOITER", "QLAND", "QRTL", "QAUTOTUNE", "QACRO"})
 _CHANGE_MODE = 1.0  # param2 of DO_REPOSITION
 _BRAKING = 2.0  # m/s2 at which a QuadPlane comes to stand (Q_TRANS_DECEL)
+_NEAR = 0.9 * 1.5  # stopping distances from its cruise airspeed, up to which it surely hovers to a place
 _PULLED, _PULLS = 8.0, 3.2  # m, and s of its way, that it goes on when its transition is broken off
 _FRESH = 1.5  # s between its position and its heartbeat
 _FASTEST_HOVER = 10.0  # m/s that are projected; what is faster flies on its wings
@@ -131,7 +133,7 @@ class ArduPlane(Winged, _ArduPlane):
         """Return DO_LAND_START: it lands by the landing that its mission has, and not without one."""
         return CommandLong(Cmd.DO_LAND_START)
 
-    def after_go(self, speed: float) -> CommandLong | None:
+    def after_go(self, speed: float, state: VehicleState) -> CommandLong | None:  # noqa: ARG002 - as it is
         """Return DO_CHANGE_SPEED for the airspeed."""
         return CommandLong(Cmd.DO_CHANGE_SPEED, param1=self.speed_kind, param2=speed, param3=-1.0)
 
@@ -164,6 +166,23 @@ class UntoldArduPlane(ArduPlane):
         return (best, *circles)
 
 
+class _Assisted(ArduPlane):
+    """The wings of a QuadPlane: near Q_ASSIST_SPEED its rotors help, and it goes over again and again."""
+
+    def airspeed(self, state: VehicleState, limit: float | None, wanted: float | None) -> float:
+        """Return the airspeed to fly at, m/s; raises Refused for one that its rotors do not let it keep."""
+        speed, helped = super().airspeed(state, limit, wanted), state.settings.get(_ASSIST, 0.0)
+        if helped > 0.0 and speed < helped + _ABOVE_ASSIST:
+            raise Refused(
+                f"at {speed:g} m/s its rotors help (Q_ASSIST_SPEED {helped:g}), and it is faster",
+                hint=f"give it at least {helped + _ABOVE_ASSIST:g} m/s, or a lower Q_ASSIST_SPEED",
+            )
+        return speed
+
+
+_PLANE, _UNTOLD, _WINGS = ArduPlane(), UntoldArduPlane(), _Assisted()
+
+
 class QuadPlane(_ArduPlane):
     """A QuadPlane in its hover. It stands in GUIDED; QLOITER without a pilot's stick sinks at 2.5 m/s.
 
@@ -174,13 +193,16 @@ class QuadPlane(_ArduPlane):
     land: ClassVar[str] = "QLAND"
     return_home: ClassVar[str] = "QRTL"
     tolerance: ClassVar[float] = 1.5
+    forward: ClassVar[Flavour | None] = _WINGS
+    speed_kind: ClassVar[float] = _PLANE.speed_kind  # over ground it would be its slowest
+    passes: ClassVar[float] = _PLANE.passes
     transitions: ClassVar[Mapping[str, str]] = {"forward": "LOITER", "hover": "GUIDED"}
     lacking: ClassVar[Mapping[str, str]] = HOVERING
 
     @property
     def settings(self) -> tuple[str, ...]:
-        """Those of its wings, and how GUIDED flies."""
-        return ArduPlane().settings
+        """Those of its wings, how GUIDED flies, and how fast."""
+        return (*_PLANE.settings, "Q_WP_SPEED", "Q_TRANS_DECEL", _ASSIST)
 
     @property
     def failsafe_table(self) -> str:
@@ -209,9 +231,33 @@ class QuadPlane(_ArduPlane):
         """Return NAV_TAKEOFF with the rotors; its height is above where it stands."""
         return CommandInt(Cmd.NAV_TAKEOFF, frame=Frame.LOCAL_OFFSET_NED, z=-altitude)
 
-    def after_go(self, speed: float) -> CommandLong | None:  # noqa: ARG002 - Q_WP_SPEED holds
-        """Return nothing."""
-        return None
+    def after_go(self, speed: float, state: VehicleState) -> CommandLong | None:
+        """Return that of its wings for an airspeed; in its hover Q_WP_SPEED holds."""
+        slowest = state.settings.get(_PLANE.airspeeds[0], math.inf)
+        return _PLANE.after_go(speed, state) if speed >= slowest else None
+
+    def speed_to(
+        self, state: VehicleState, limit: float | None, wanted: float | None, metres: float
+    ) -> float:
+        """Return its airspeed to a far place, to a near one Q_WP_SPEED; raises for what is slower."""
+        cruise, brakes = (state.settings.get(name) for name in (_PLANE.airspeeds[1], "Q_TRANS_DECEL"))
+        own = state.settings.get("Q_WP_SPEED")
+        if cruise is None or not brakes or own is None:
+            raise NotReady("its speeds are not known yet", hint="they are read when it is met; try again")
+        near = _NEAR * cruise**2 / (2 * brakes)
+        if metres > near:
+            try:
+                return _WINGS.airspeed(state, limit, wanted)
+            except Refused as error:
+                reason = f"a goal more than {near:.0f} m away is flown on its wings: {error.reason}"
+                raise Refused(reason, hint=error.hint) from error
+        most = min(limit or math.inf, wanted or math.inf)
+        if metres > self.tolerance and own / 100 > most:
+            raise Refused(
+                f"in its hover it flies at {own / 100:g} m/s (Q_WP_SPEED), and it may fly at {most:g} m/s",
+                hint=f"set Q_WP_SPEED to {most * 100:.0f} or less",
+            )
+        return own / 100
 
 
 class QuadPlaneForward(QuadPlane):
@@ -269,7 +315,6 @@ class UnsetQuadPlaneInTransition(UnsetQuadPlane):
     goes_over: ClassVar[bool] = True
 
 
-_PLANE, _UNTOLD = ArduPlane(), UntoldArduPlane()
 _HOVER, _FORWARD, _IN_TRANSITION = QuadPlane(), QuadPlaneForward(), QuadPlaneInTransition()
 _UNSET_HOVER, _UNSET_FORWARD = UnsetQuadPlane(), UnsetQuadPlaneForward()
 _UNSET_IN_TRANSITION = UnsetQuadPlaneInTransition()

@@ -199,7 +199,7 @@ class Flight:
             await self.commander.send_to(go, to.altitude)
         else:
             await self.enter(flavour.goto, go)
-        following = flavour.after_go(speed)
+        following = flavour.after_go(speed, self.vehicle.state)
         if following is not None:
             await self.commander.ask(following)
 

@@ -60,7 +60,10 @@ SETTINGS = frozenset(
         "FW_AIRSPD_MIN",
         "FW_AIRSPD_TRIM",
         "NAV_LOITER_RAD",
+        "Q_ASSIST_SPEED",
         "Q_GUIDED_MODE",
+        "Q_TRANS_DECEL",
+        "Q_WP_SPEED",
         "TKOFF_ALT",
         "WP_LOITER_RAD",
     }

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import AsyncIterator, Mapping
 from typing import Literal
 
 from fleet import Progress, Refused, TimedOut, command
-from fleet_mavlink.ardupilot_plane import ArduPlane
 from fleet_mavlink.constants import VTOL_GOES_FORWARD, Cmd
 from fleet_mavlink.flight import Flight
 from fleet_mavlink.messages import CommandLong
@@ -14,14 +14,13 @@ from fleet_mavlink.preconditions import require_control, require_has, require_mo
 from fleet_mavlink.px4_plane import Px4Plane
 from fleet_mavlink.session_adapter import SessionAdapter
 from fleet_mavlink.state import VehicleState
-from fleet_mavlink.wings import Winged
 
 To = Literal["hover", "forward"]
 _FLIES: Mapping[To, int] = {"hover": 3, "forward": 4}  # MAV_VTOL_STATE
 _GOES: Mapping[To, int] = {"hover": 2, "forward": VTOL_GOES_FORWARD}
 _WITHIN = 60.0  # s
 _POLL = 0.5  # s between checks
-_WINGS: Mapping[str, Winged] = {"ardupilot": ArduPlane(), "px4": Px4Plane()}
+_PX4 = Px4Plane()
 
 
 class TransitionCommands(SessionAdapter):
@@ -57,7 +56,8 @@ async def transition(flight: Flight, to: To) -> AsyncIterator[Progress]:
     require_movable(vehicle, authority)
     flavour = flight.flavour
     if to == "forward":
-        _WINGS[flavour.name].airspeed(vehicle.state, flight.fastest, None)
+        wings = flavour.forward or _PX4
+        wings.speed_to(vehicle.state, flight.fastest, None, math.inf)
 
     def flies(state: VehicleState) -> bool:
         return state.vtol_state == _FLIES[to]

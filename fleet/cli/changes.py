@@ -8,20 +8,17 @@ from pathlib import Path
 import click
 import msgspec
 
-from fleet.bus import keys
 from fleet.cli.output import ExitCode, Output, counted, with_output
+from fleet.cli.roll_out import WavesWanted, roll_out, with_waves
 from fleet.cli.times import when
-from fleet.client.edges import Edges
+from fleet.client.changes import ask_changes
 from fleet.client.local_user import local_user
 from fleet.config.difference import Outline, difference, not_shown, outline_of
 from fleet.config.load import load
-from fleet.errors import NotRunning, Refused, TimedOut
+from fleet.errors import NotRunning
 from fleet.host.edge.last_configuration import last_configuration
-from fleet.model.change import Change, ChangeKind, ChangesAnswer, ChangesAsked, Outcome
+from fleet.model.change import Change, ChangeKind, ChangesAsked, Outcome
 from fleet.spool.state_folder import state_folder
-
-LOOK_WITHIN = 60.0  # s: the file is read, and each drop-in file is asked by a process of its own
-APPLY_WITHIN = 1800.0  # s: each robot may take half a minute to be back
 
 _SAID = {
     Outcome.PLANNED: "",
@@ -46,7 +43,7 @@ def diff(out: Output, file: str) -> ExitCode:
     """
     loaded = load(file)
     outline = outline_of(loaded)
-    answer = _asked(outline.edge, file, ChangesAsked(file=str(Path(file).resolve())), LOOK_WITHIN)
+    answer = ask_changes(outline.edge, file, ChangesAsked(file=str(Path(file).resolve())))
     if answer is None:
         folder = state_folder(outline.edge, loaded.config.edge.spool.path)
         changes = _since_the_last_run(out, outline, folder)
@@ -58,22 +55,38 @@ def diff(out: Output, file: str) -> ExitCode:
 
 
 @click.command()
-@file_argument
+@click.argument("files", nargs=-1, type=click.Path())
 @click.option(
     "--force", is_flag=True, help="Also rebuild or remove robots that move, after they were stopped."
 )
+@click.option("--fleet", "is_fleet", is_flag=True, help="Roll FILES, which are bundles, out to their edges.")
+@with_waves
 @with_output
-def apply(out: Output, file: str, *, force: bool) -> ExitCode:
+def apply(
+    out: Output, files: tuple[str, ...], *, force: bool, is_fleet: bool, wanted: WavesWanted
+) -> ExitCode:
     """Have the edge that runs with FILE (fleet.yaml when left out) read it again and take it over.
 
     Robot by robot; the others go on. A robot that is commanded, armed or moves, or that somebody controls, is
     not rebuilt or removed; of its settings only what is stricter is taken over. What fails is taken back for
     that robot.
     Exit code 0: all is taken over, 5: nothing, 7: a part; fleet diff shows what is left.
+
+    With --fleet, roll bundles out to many edges in waves. Exit code 0: every wave went through, 7: it ended
+    before.
     """
+    if is_fleet:
+        if force:
+            raise click.UsageError(
+                "--force is for one edge; with --fleet each edge judges what may change now"
+            )
+        return roll_out(out, files, wanted)
+    if len(files) > 1:
+        raise click.UsageError("one fleet file at a time; several bundles need --fleet")
+    file = files[0] if files else "fleet.yaml"
     edge = load(file).config.edge.id
     asked = ChangesAsked("apply", force, local_user(), str(Path(file).resolve()))
-    answer = _asked(edge, file, asked, APPLY_WITHIN)
+    answer = ask_changes(edge, file, asked)
     if answer is None:
         raise NotRunning(f"edge {edge} does not run; fleet run {file} starts it with this file")
     _show(out, answer.changes)
@@ -88,26 +101,6 @@ def _code(changes: Iterable[Change]) -> ExitCode:
         return ExitCode.OK
     partly = done or any(change.outcome is Outcome.PARTLY for change in asked)
     return ExitCode.SOME_FAILED if partly else ExitCode.REJECTED
-
-
-def _asked(edge: str, file: str, asked: ChangesAsked, within: float) -> ChangesAnswer | None:
-    """Return what a running edge answers, None when it does not run; raises Refused and TimedOut."""
-    try:
-        edges = Edges.reach(file)
-    except NotRunning:
-        return None
-    with edges:
-        try:
-            answer = edges.one(keys.changes(edge), ChangesAnswer, asked, within=within)
-        except TimedOut as error:
-            version = next((state.version for state in edges.edges() if state.edge == edge), "")
-            older = (
-                f": it runs fleet {version}; if that is older, restart it with this one" if version else ""
-            )
-            raise TimedOut(f"edge {edge} does not say what it runs with{older}") from error
-    if answer.refusal:
-        raise Refused("; ".join((f"edge {edge}: {answer.refusal}", *answer.problems)))
-    return answer
 
 
 def _since_the_last_run(out: Output, outline: Outline, folder: Path) -> tuple[Change, ...]:

@@ -101,7 +101,7 @@ def _task_of(file: str, port: int | None, recordings: str | None) -> ConsoleTask
 
     The login of an edge that runs here is at the console beside it, which has the port.
     """
-    from fleet.cli.console_login import login_task  # noqa: PLC0415 - pydantic is not needed without a file
+    from fleet.cli.console_login import basemap_of, login_task  # noqa: PLC0415 - pydantic is not needed without a file
     from fleet.cli.record_task import folder_of  # noqa: PLC0415
     from fleet.config.load import sections_of  # noqa: PLC0415
     from fleet.host.process.component_settings import bus_settings  # noqa: PLC0415
@@ -117,6 +117,7 @@ def _task_of(file: str, port: int | None, recordings: str | None) -> ConsoleTask
         only=True,
         recordings=(*task.recordings, str(folder_of(sections))),
         beside="",
+        basemap=basemap_of(sections),
         login=None if runs_here else login_task(sections),
     )
 

@@ -1,4 +1,4 @@
-"""What ``console: {listen: ...}`` of fleet.yaml means for a console and what it needs."""
+"""What ``console:`` of fleet.yaml means for a console: its login, its map, and what they need."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from fleet.config.schema import Sections
 from fleet.console.links import ConsoleError
 from fleet.console.login_history import HistoryPlace
 from fleet.console.people import FILE, PeopleError, read_people
-from fleet.console.task import LoginTask
+from fleet.console.task import Basemap, LoginTask
 from fleet.console.tls_listener import tls_context
 from fleet.host.journal.stores import history_bounds
 from fleet.spool.state_folder import state_folder
@@ -39,6 +39,14 @@ def login_task(config: Sections) -> LoginTask | None:
         HistoryPlace(str(folder), bounds.size, bounds.age),
         console.hosts,
     )
+
+
+def basemap_of(config: Sections) -> Basemap | None:
+    """Return the map that the console shows under the robots, None where there is none."""
+    console, origin = config.console, config.site.origin
+    if console is None or console.map is None or origin is None:
+        return None
+    return Basemap(str(console.map.absolute()), origin)
 
 
 def login_problems(loaded: Loaded) -> tuple[Problem, ...]:

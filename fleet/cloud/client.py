@@ -290,7 +290,7 @@ class CloudClient:
                 backoff.note(lasted)
         reason = connection.ended.result()
         if isinstance(reason, SessionRefused):
-            raise reason
+            raise SessionRefused(str(reason))  # another one, whose frames the connection does not keep
         return reason
 
     async def _watch(self) -> None:

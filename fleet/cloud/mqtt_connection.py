@@ -34,21 +34,25 @@ Deliver = Callable[[list[CloudMessage]], None]
 
 
 class _NextTurnCall:
-    """A call that the loop makes in its next turn, once however often it is asked for until then."""
+    """A call that the loop makes in its next turn, once however often it is asked for until then.
 
-    def __init__(self, loop: asyncio.AbstractEventLoop, call: Callable[[], None]) -> None:
+    It refers to what is called only until then. A connection that held it for good would be in a circle of
+    references with it, and the garbage collector runs seldom: a broker that is reached and lost again and
+    again would cost memory each time.
+    """
+
+    def __init__(self, loop: asyncio.AbstractEventLoop) -> None:
         self._loop = loop
-        self._call = call
         self._asked = False
 
-    def __call__(self) -> None:
+    def __call__(self, call: Callable[[], None]) -> None:
         if not self._asked:
             self._asked = True
-            self._loop.call_soon(self._make)
+            self._loop.call_soon(self._make, call)
 
-    def _make(self) -> None:
+    def _make(self, call: Callable[[], None]) -> None:
         self._asked = False
-        self._call()
+        call()
 
 
 class MqttConnection:
@@ -82,8 +86,8 @@ class MqttConnection:
         self._silent = not settings.tls  # a plain connection on which nothing was heard yet
         self._deliver = deliver
         self._take = take
-        self._take_on = _NextTurnCall(self._loop, self._follow_up)  # the rest, others having had their turn
-        self._go_on = _NextTurnCall(self._loop, self.flush)
+        self._take_on = _NextTurnCall(self._loop)  # the rest, others having had their turn
+        self._go_on = _NextTurnCall(self._loop)
         self._arrivals = PacketFramer(reader(settings.protocol), PAYLOAD_LIMIT, head=HEAD)
         self._keepalive = Keepalive(settings.keepalive, clock.monotonic())
         self._lock = threading.Lock()  # of everything that reading and writing share
@@ -141,7 +145,7 @@ class MqttConnection:
         except Exception:
             logger.exception("taking what was handed over failed")
         if more:
-            self._take_on()
+            self._take_on(self._follow_up)
         self._loop.call_soon(self._conclude)
 
     def _writable(self) -> None:
@@ -186,7 +190,7 @@ class MqttConnection:
             code = mqtt5.DisconnectReasonCode.MALFORMED_PACKET
             self._failure = SessionEnded(f"the broker sent {error}", code)
         except CloudError as error:
-            self._failure = error
+            self._failure = error.with_traceback(None)  # whose frames would keep this connection alive
         except Exception as error:
             logger.exception("reading what the broker sent failed in a way that was not foreseen")
             self._failure = CloudError(f"{type(error).__name__}: {error}")
@@ -227,7 +231,7 @@ class MqttConnection:
             data = self._session.send(self._clock.monotonic())
             self._write(data)
         if data:
-            self._go_on()
+            self._go_on(self.flush)
 
     async def answered(self) -> None:
         """Wait until the connection is ready, or ended before it was."""

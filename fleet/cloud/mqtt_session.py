@@ -128,6 +128,7 @@ class MqttSession:
         """Give what was not acknowledged back to the outbox, which is offline from now on."""
         self.ready = False
         self._ours.end()
+        self._handlers.clear()  # which refer to this session: it is freed without the garbage collector
 
     def _on_connack(self, packet: mqtt5.ConnAckPacket, _now: float) -> None:
         """Note whether the broker lets us in, and subscribe to everything."""

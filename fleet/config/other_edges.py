@@ -29,7 +29,7 @@ class PartnerConfig(Model):
     )
 
 
-def _server(text: str) -> str:
+def check_server(text: str) -> str:
     """Refuse what is no address of a NATS server."""
     if _SERVER.fullmatch(text) is None:
         raise ValueError(f"{text!r} is no server; write nats://HOST:4222, or tls://HOST:4222")
@@ -51,7 +51,7 @@ def port_of(server: str) -> int:
 class LeaseConfig(Model):
     """The lease service (NATS with JetStream), which decides which edge of a pair runs the robots."""
 
-    servers: tuple[Annotated[str, AfterValidator(_server)], ...] = Field(
+    servers: tuple[Annotated[str, AfterValidator(check_server)], ...] = Field(
         min_length=1,
         description="nats://HOST:4222 or tls://HOST:4222, on neither computer of the pair; several are "
         "those of one cluster.",

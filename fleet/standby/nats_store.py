@@ -1,6 +1,6 @@
 """The lease in a bucket of NATS JetStream: read, and written only in the place of a known revision.
 
-The one importer of nats-py. The store must keep what it has confirmed: a bucket on disk, which is how it is
+The store must keep what it has confirmed: a bucket on disk, which is how it is
 made where there is none. Nothing in it expires: by which clock an entry is old, the edges decide.
 """
 

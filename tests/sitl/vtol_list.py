@@ -9,8 +9,19 @@ import asyncio
 
 import pytest
 
-from fleet import Goal, GoTo, NotReady, Unsupported, Vector3, Velocity
+from fleet import (
+    FlyMission,
+    GeoPoint,
+    Goal,
+    GoTo,
+    NotReady,
+    PlanItem,
+    Unsupported,
+    Vector3,
+    Velocity,
+)
 from fleet.errors import CommandError
+from fleet.model.navigation import Constraints
 from fleet_mavlink.constants import ARDUPILOT
 
 LONG = 300.0  # s
@@ -137,6 +148,34 @@ async def flies_to_a_place_on_its_wings(it, planes):
         await planes.circles(it, there)
 
 
+async def keeps_its_limit_on_its_wings(it, planes):
+    """Send it far off, at an airspeed under its cruise."""
+    wanted = 20.0 if is_arduplane(it) else 13.0
+    position, _ = planes.place(it, -700.0, 100.0, 40.0)
+    task = GoTo(Goal(position=position), constraints=Constraints(max_speed=wanted))
+    going = asyncio.ensure_future(exhausted(it.adapter.navigate(task)))
+    seen = []
+    while not going.done():
+        seen.append(planes.speed(it))
+        await asyncio.sleep(0.5)
+    await going
+    assert sorted(seen)[int(0.95 * len(seen))] < wanted + 3.0, f"{max(seen):.1f} m/s"
+
+
+async def flies_a_mission_that_ends_in_a_circle(it, planes):
+    """Fly to a place and stay at another; the mission is over when it is there, and it is held."""
+    if not is_arduplane(it):
+        return  # in its hover PX4 flies it as a multirotor, and wants a landing in it
+    items = []
+    for kind, east, north in (("waypoint", -300.0, 300.0), ("loiter_unlimited", 200.0, 300.0)):
+        _, there = planes.place(it, east, north)
+        items.append(PlanItem(kind, GeoPoint(there.latitude, there.longitude, 40.0)))
+    await exhausted(it.adapter.navigate(FlyMission("out", tuple(items))))
+    assert planes.mode(it) == planes.flavour(it).hold
+    assert planes.away(it, items[-1].point) < 250.0
+    assert it.state.armed
+
+
 async def goes_back_to_its_hover(it, planes):
     await it.do("transition", to="forward")
     await it.do("transition", to="hover")
@@ -164,6 +203,8 @@ STEPS = (
     goes_over_to_its_wings,
     is_stopped_on_its_wings,
     flies_to_a_place_on_its_wings,
+    keeps_its_limit_on_its_wings,
+    flies_a_mission_that_ends_in_a_circle,
     goes_back_to_its_hover,
     flies_home_and_lands,
 )

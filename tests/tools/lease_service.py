@@ -12,15 +12,20 @@ from fleet.testing.waiting import wait_until
 
 
 @contextlib.contextmanager
-def lease_service(folder: Path) -> Iterator[int]:
-    """Run a server that keeps its data in a folder, inside a ``with`` block; gives its port."""
+def lease_service(folder: Path, config: str = "") -> Iterator[int]:
+    """Run a server that keeps its data in a folder, inside a ``with`` block; gives its port.
+
+    ``config`` is more of the server's configuration, such as its accounts.
+    """
     with socket.socket() as free:
         free.bind(("127.0.0.1", 0))
         port = free.getsockname()[1]
     server = shutil.which("nats-server", path=str(Path(sys.executable).parent))
     assert server is not None
+    (folder / "server.conf").write_text(config)
     with (folder / "log").open("a") as log:
-        command = [server, "-js", "-sd", str(folder), "-a", "127.0.0.1", "-p", str(port)]
+        command = [server, "-c", str(folder / "server.conf"), "-js", "-sd", str(folder)]
+        command += ["-a", "127.0.0.1", "-p", str(port)]
         process = subprocess.Popen(command, stdout=log, stderr=log)
         try:
             wait_until("the lease service listens", lambda: _listens(port))

@@ -31,8 +31,8 @@ class PlaneSpeeds(ArduPilotSpeeds):
 
     @property
     def cruise(self) -> float:
-        """AIRSPEED_CRUISE, or what DO_CHANGE_SPEED asked for."""
-        return self.asked or self._params["AIRSPEED_CRUISE"]
+        """AIRSPEED_CRUISE, or what DO_CHANGE_SPEED asked for; without wind MIN_GROUNDSPEED is one, too."""
+        return max(self.asked or self._params["AIRSPEED_CRUISE"], self._params["MIN_GROUNDSPEED"])
 
     @property
     def climb(self) -> float:
@@ -117,16 +117,19 @@ def _reposition(pilot: SimArduPlane, ask: CommandRequest) -> int:
 
 
 def _speed(pilot: SimArduPlane, ask: CommandRequest) -> int:
-    """Take an airspeed between AIRSPEED_MIN and AIRSPEED_MAX, in GUIDED and AUTO."""
+    """Take an airspeed between AIRSPEED_MIN and AIRSPEED_MAX, in GUIDED and AUTO; over ground the slowest."""
     params = pilot.params
     if pilot.mode.name not in {"GUIDED", "AUTO"}:
         return FAILED
     if whole(ask.p1) == _AIRSPEED and ask.p2 == _DEFAULT:
-        pilot.speeds.asked = None
+        pilot.airspeeds.asked = None
         return ACCEPTED
     if whole(ask.p1) == _AIRSPEED and not params["AIRSPEED_MIN"] <= ask.p2 <= params["AIRSPEED_MAX"]:
         return FAILED
-    pilot.speeds.asked = ask.p2
+    if whole(ask.p1) == _AIRSPEED:
+        pilot.airspeeds.asked = ask.p2
+    else:
+        params["MIN_GROUNDSPEED"] = ask.p2
     return ACCEPTED
 
 
@@ -180,6 +183,17 @@ class SimArduPlane(ArduPilot):
     def __init__(self, boot: Boot) -> None:
         super().__init__(boot)
         self.failsafes = PlaneFailsafes(self)
+
+    def refusals(self, *, force: bool) -> list[str]:
+        """Return also that a landing is planned which RTL must not fly."""
+        planned = any(item.command == mav.MAV_CMD_DO_LAND_START for item in self.missions.items)
+        unused = planned and not self.params["RTL_AUTOLAND"] and not force
+        return super().refusals(force=force) + ["DO_LAND_START set and RTL_AUTOLAND disabled"] * unused
+
+    @property
+    def airspeeds(self) -> FlightSpeeds:
+        """How fast it flies on its wings."""
+        return self.speeds
 
     @property
     def circle_radius(self) -> float:

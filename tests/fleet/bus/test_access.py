@@ -283,7 +283,7 @@ def test_what_is_on_the_links_is_shown_only_to_consoles_and_routers(yard, joined
         yard.reports.put(after, b"{}")
 
     wait_until("all hear", lambda: put() or all(after in told.queue for told in heard.values()))
-    wait_until("those who may", lambda: put() or frames in heard["desk"].queue)
+    wait_until("those who may", lambda: put() or all(frames in heard[who].queue for who in ("desk", "hub")))
     assert {name for name, told in heard.items() if frames in told.queue} == {"desk", "hub"}
 
 

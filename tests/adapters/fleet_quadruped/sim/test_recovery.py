@@ -24,6 +24,7 @@ def lying(dog, turn):
     return rig
 
 
+@pytest.mark.combinations
 @pytest.mark.parametrize("turn", TURNS)
 def test_it_gets_up_from_whatever_it_lies_on(any_dog, turn):
     rig = lying(any_dog, turn)

@@ -1,0 +1,32 @@
+"""Asking a running edge what a changed fleet file would do to it, and having it done."""
+
+from __future__ import annotations
+
+from fleet.bus import keys
+from fleet.client.edges import Edges
+from fleet.errors import NotRunning, Refused, TimedOut
+from fleet.model.change import ChangesAnswer, ChangesAsked
+
+LOOK_WITHIN = 60.0  # s: the file is read, and each drop-in file is asked by a process of its own
+APPLY_WITHIN = 1800.0  # s: each robot may take half a minute to be back
+
+
+def ask_changes(edge: str, file: str, asked: ChangesAsked) -> ChangesAnswer | None:
+    """Return what a running edge answers, None when it does not run; raises Refused and TimedOut."""
+    try:
+        edges = Edges.reach(file)
+    except NotRunning:
+        return None
+    within = APPLY_WITHIN if asked.do == "apply" else LOOK_WITHIN
+    with edges:
+        try:
+            answer = edges.one(keys.changes(edge), ChangesAnswer, asked, within=within)
+        except TimedOut as error:
+            version = next((state.version for state in edges.edges() if state.edge == edge), "")
+            older = (
+                f": it runs fleet {version}; if that is older, restart it with this one" if version else ""
+            )
+            raise TimedOut(f"edge {edge} does not say what it runs with{older}") from error
+    if answer.refusal:
+        raise Refused("; ".join((f"edge {edge}: {answer.refusal}", *answer.problems)))
+    return answer

@@ -1,0 +1,1 @@
+"""Roll-out of signed configurations to many edges (docs/how-to/roll-out.md)."""

@@ -1,0 +1,304 @@
+"""The agent of one edge: takes the bundle that the edge shall run, and reports how far it is.
+
+A process of its own beside the edge, so that a bundle with which the edge does not start can still be
+replaced, and no robot waits for it. What may change now is judged by the edge, as with ``fleet apply``.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import msgspec
+
+from fleet.clock import Clock
+from fleet.errors import FleetError, StateError
+from fleet.health.aggregate import LEVELS
+from fleet.rollout.bundle import Bundle, BundleError, opened
+from fleet.rollout.decision import Action, Record, Refusal, action, version_refusal
+from fleet.rollout.edge_here import Applied, EdgeHere
+from fleet.rollout.installation import Installation
+from fleet.rollout.messages import (
+    LONGEST_LINE,
+    LONGEST_SETTLE,
+    LONGEST_WHY,
+    MOST_LINES,
+    Desired,
+    Observed,
+    Stage,
+)
+from fleet.rollout.signature import PublicKey
+from fleet.rollout.store import EdgeStore, StoreError
+from fleet.version import __version__
+
+log = logging.getLogger(__name__)
+
+MOST_REFUSALS = 100
+HEALTH_EVERY = 1.0  # s
+REPORT_EVERY = 60.0  # s, also without news
+
+
+class Agent:
+    """The agent of one edge. ``sleep`` waits for seconds."""
+
+    def __init__(
+        self,
+        edge: str,
+        installation: Installation,
+        trusted: Mapping[str, PublicKey],
+        store: EdgeStore,
+        here: EdgeHere,
+        *,
+        clock: Clock,
+        sleep: Callable[[float], Any] = asyncio.sleep,
+    ) -> None:
+        self._edge = edge
+        self._installation = installation
+        self._trusted = trusted
+        self._store = store
+        self._here = here
+        self._clock = clock
+        self._sleep = sleep
+        self.record = installation.record()
+        self.problem = ""  # why the store cannot be used; empty while it can
+        self._desired: Desired | None = None
+        self._reported: Record | None = None
+        self._reported_at = 0.0
+        self._actions = {
+            Action.REST: self._rest,
+            Action.TAKE: self._take,
+            Action.GO_ON: self._go_on,
+            Action.RETURN: self._withdraw,
+            Action.GO_ON_BACK: self._go_on_back,
+            Action.GIVE_UP: self._give_up,
+        }
+
+    async def run(self, every: float) -> None:
+        """Look into the store until cancelled, every so many seconds."""
+        while True:
+            await self.turn()
+            await self._sleep(every)
+
+    async def turn(self) -> None:
+        """Look once: do what is next, and report what is new. A store that is silent ends nothing."""
+        try:
+            self._desired = await self._store.desired()
+            self.problem = ""
+        except FleetError as error:  # what was begun goes on
+            self._silent(error)
+        try:
+            await self._actions[action(self.record, self._desired)](self._desired)
+        except (StoreError, StateError) as error:  # tried again at the next look
+            self._silent(error)
+        await self._report()
+
+    # -- what it does ----------------------------------------------------------------------------------
+
+    async def _rest(self, desired: Desired | None) -> None:
+        """Do nothing."""
+
+    async def _take(self, desired: Desired | None) -> None:
+        """Fetch and check a bundle, and put it in place; nothing is touched before all is checked."""
+        assert desired is not None
+        self._keep(
+            rollout=desired.rollout,
+            bundle=desired.bundle,
+            by=desired.by,
+            stage=Stage.TAKING,
+            why="",
+            lines=(),
+        )
+        await self._report()
+        try:
+            data = await self._store.bundle(desired.bundle, desired.parts)
+            bundle = self._opened(data, desired)
+        except BundleError as error:
+            self._refuse(_one_line(error))
+            return
+        try:
+            await asyncio.to_thread(self._place, bundle, desired.bundle)
+        except FleetError as error:
+            self._settle(Stage.FAILED, _one_line(error))
+            return
+        await self._go_on(desired)
+
+    def _opened(self, data: bytes, desired: Desired) -> Bundle:
+        """Return the bundle if this edge may take it; raises BundleError."""
+        address, bundle = opened(data, self._trusted, desired.bundle)
+        if self._edge not in bundle.edges:
+            raise BundleError(f"the bundle is for {', '.join(bundle.edges[:5])}, not for edge {self._edge}")
+        if why := version_refusal(self.record, address, bundle.version):
+            raise BundleError(why)
+        return bundle
+
+    def _place(self, bundle: Bundle, address: str) -> None:
+        """Check the files of a bundle, and put them in the place of those in use; raises FleetError."""
+        installation = self._installation
+        installation.stage(bundle, address)
+        before = installation.folder_of(installation.current) if installation.current else None
+        code = self._here.check(installation.folder_of(address), before)
+        found = self._here.running()
+        self._keep(
+            stage=Stage.WAITING,
+            highest=max(bundle.version, self.record.highest),
+            highest_bundle=address if bundle.version >= self.record.highest else self.record.highest_bundle,
+            placed=self._clock.time(),
+            health=found.health if found else "",
+            adapters=code.adapters,
+            loaded=(),
+            files=code.files,
+        )
+        installation.activate(address)
+
+    async def _go_on(self, desired: Desired | None) -> None:
+        """Apply what waits; when it is whole, and the edge no less healthy than before, it is done."""
+        record = self.record
+        if self._installation.current != record.bundle:  # ended between the two
+            await asyncio.to_thread(self._installation.activate, record.bundle)
+        applied = await asyncio.to_thread(self._applied)
+        failed = applied.failed
+        if not failed and not applied.waits:
+            failed = await self._worse(min(desired.settle, LONGEST_SETTLE) if desired else 0.0)
+        self._keep(lines=_bounded(applied.lines) or self.record.lines)
+        if failed:
+            await self._go_back(Stage.FAILED, failed)
+        elif applied.waits:
+            self._keep(stage=Stage.WAITING, why=applied.waits[:LONGEST_WHY])
+        else:
+            self._keep(running=record.bundle)
+            self._settle(Stage.DONE, "")
+            await asyncio.to_thread(self._installation.tidy, {record.bundle})
+
+    async def _withdraw(self, _desired: Desired | None) -> None:
+        """Go back: the roll-out ended before this edge was done."""
+        await self._go_back(Stage.WITHDRAWN, f"withdrawn while it waited: {self.record.why}")
+
+    async def _go_back(self, ends: Stage, why: str) -> None:
+        """Put the bundle before in place again, and apply it."""
+        if not self.record.running or self.record.running == self.record.bundle:
+            self._settle(Stage.FAILED, f"{why}; there is no bundle before to go back to")
+            return
+        running = await asyncio.to_thread(self._here.running)
+        files = self.record.files if running and running.since > self.record.placed else ()
+        now = self._clock.time()
+        self._keep(
+            stage=Stage.RETURNING, ends=ends, why=why[:LONGEST_WHY], placed=now, loaded=(), files=files
+        )
+        await asyncio.to_thread(self._installation.activate, self.record.running)
+        await self._go_on_back(None)
+
+    async def _go_on_back(self, _desired: Desired | None) -> None:
+        """Apply what of the return waits."""
+        if self._installation.current != self.record.running:
+            await asyncio.to_thread(self._installation.activate, self.record.running)
+        applied = await asyncio.to_thread(self._applied)
+        running = await asyncio.to_thread(self._here.running)
+        if running is not None and (applied.failed or applied.waits):
+            log.warning("edge %s is on its way back: %s", self._edge, applied.failed or applied.waits)
+            return
+        self._settle(self.record.ends, self.record.why)
+
+    async def _give_up(self, _desired: Desired | None) -> None:
+        """Note that a roll-out ended before anything was touched."""
+        self._settle(Stage.WITHDRAWN, "the roll-out ended before it was taken")
+
+    def _applied(self) -> Applied:
+        """Have the edge take over what is in place, with changed code and files that only a start reads."""
+        try:
+            applied = self._here.apply(f"roll-out {self.record.rollout} of {self.record.by}")
+        except FleetError as error:
+            return Applied(failed=_one_line(error))
+        if applied.failed or applied.waits:
+            return applied
+        running = self._here.running()
+        started = running is None or running.since > self.record.placed
+        loaded = self.record.loaded
+        for adapter in () if started else (each for each in self.record.adapters if each not in loaded):
+            if why := self._here.reload(adapter):
+                return msgspec.structs.replace(applied, waits=why)
+            self._keep(loaded=(*self.record.loaded, adapter))
+        if self.record.files and not started:
+            why = f"restart the edge: only its start reads {', '.join(self.record.files[:5])}"
+            return msgspec.structs.replace(applied, waits=why)
+        return applied
+
+    async def _worse(self, settle: float) -> str:
+        """Return why the edge is less healthy than before, within some seconds; empty when it is not."""
+        if not self.record.health:
+            return ""
+        until = self._clock.monotonic() + settle
+        while True:
+            found = await asyncio.to_thread(self._here.running)
+            if found is None:
+                return f"edge {self._edge} ended after it took the bundle"
+            if LEVELS[found.health] <= LEVELS[self.record.health]:
+                return ""
+            if self._clock.monotonic() >= until:
+                return f"the edge is {found.health}, was {self.record.health}: {found.cause}"
+            await self._sleep(HEALTH_EVERY)
+
+    # -- what it keeps and tells -----------------------------------------------------------------------
+
+    def _refuse(self, why: str) -> None:
+        """Record what is refused; nothing was touched."""
+        record = self.record
+        refusal = Refusal(self._clock.time(), record.rollout, record.bundle, why[:LONGEST_WHY])
+        self._keep(refusals=(*record.refusals, refusal)[-MOST_REFUSALS:])
+        self._settle(Stage.REFUSED, why)
+
+    def _settle(self, stage: Stage, why: str) -> None:
+        """Record how it ended."""
+        level = logging.INFO if stage is Stage.DONE else logging.WARNING
+        bundle = self.record.bundle[:12]
+        log.log(level, "bundle %s: %s%s", bundle, stage.value, f": {why}" if why else "")
+        self._keep(stage=stage, why=why[:LONGEST_WHY], adapters=(), loaded=(), files=())
+
+    def _keep(self, **changes: Any) -> None:
+        """Change the record, on the disk first; raises StateError."""
+        record: Record = msgspec.structs.replace(self.record, **changes)
+        self._installation.keep(record)
+        self.record = record
+
+    def _silent(self, error: FleetError) -> None:
+        """Note why the store cannot be used, once."""
+        if str(error) != self.problem:
+            log.warning("%s", error)
+        self.problem = str(error)
+
+    async def _report(self) -> None:
+        """Report what is new."""
+        record, now = self.record, self._clock.time()
+        if self._reported is record and now - self._reported_at < REPORT_EVERY:
+            return
+        running = await asyncio.to_thread(self._here.running)
+        observed = Observed(
+            self._edge,
+            record.rollout,
+            record.bundle,
+            record.stage,
+            record.why,
+            record.lines,
+            running=self._installation.current,
+            version=record.highest,
+            health=running.health if running else "not running",
+            stamp=now,
+            fleet=__version__,
+        )
+        try:
+            await self._store.report(observed)
+        except FleetError as error:
+            self._silent(error)
+        else:
+            self._reported, self._reported_at = record, now
+
+
+def _bounded(lines: tuple[str, ...]) -> tuple[str, ...]:
+    """Return lines as they are reported: so many, so long."""
+    return tuple(line[:LONGEST_LINE] for line in lines[:MOST_LINES])
+
+
+def _one_line(error: FleetError) -> str:
+    """Return an error on one line."""
+    return "; ".join(str(error).splitlines()) or type(error).__name__

@@ -1,0 +1,148 @@
+"""A bundle: the fleet file of one or several edges and the files that it needs, as bytes and back. Pure.
+
+A bundle is addressed by the SHA-256 of its content. It comes from outside: ``opened`` checks size, address
+and signature before it decodes anything, and every name before anybody writes a file.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Mapping
+from pathlib import PurePosixPath
+
+import msgspec
+
+from fleet.errors import FleetError
+from fleet.rollout.signature import PrivateKey, PublicKey, is_signed
+from fleet.runtime.decoding import decode_json
+
+FORMAT = 1
+HEAD = b"fleet bundle 1\n"
+"""How a bundle begins; it is signed with the content, so that no other signed text passes for one."""
+LARGEST = 16 << 20  # bytes of a bundle
+MOST_FILES = 1000
+LONGEST_PART = 128  # characters of one step of a name
+FLEET_FILE = "fleet.yaml"
+LOCAL = frozenset({"secrets.yaml"})
+"""What an edge has itself, and takes from no bundle."""
+_HEADER = 1024  # bytes, at most
+
+
+class BundleError(FleetError):
+    """A bundle cannot be made, or is refused."""
+
+
+class Bundle(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """What a bundle holds.
+
+    ``edges`` may take it. ``version`` only grows. ``files`` has ``fleet.yaml`` and what it needs. ``secrets``
+    are the names that each edge must have in its own secrets.yaml. ``fleet`` made it, at ``made`` (Unix s).
+    """
+
+    format: int
+    version: int
+    edges: tuple[str, ...]
+    files: dict[str, bytes]
+    secrets: tuple[str, ...]
+    fleet: str
+    made: float
+
+
+class _Format(msgspec.Struct, frozen=True):
+    format: int
+
+
+class _Header(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    key: str
+    signature: bytes
+
+
+def address_of(content: bytes) -> str:
+    """Return the address of a bundle's content."""
+    return hashlib.sha256(content).hexdigest()
+
+
+def sealed(bundle: Bundle, key: PrivateKey) -> tuple[str, bytes]:
+    """Return a bundle's address, and its bytes with a signature; raises BundleError."""
+    _check(bundle)
+    content = msgspec.json.encode(bundle, order="deterministic")
+    header = msgspec.json.encode(_Header(key.public.name, key.sign(HEAD + content)))
+    data = HEAD + header + b"\n" + content
+    if len(data) > LARGEST:
+        raise BundleError(f"the bundle has {len(data) >> 20} MiB; more than {LARGEST >> 20} MiB is refused")
+    return address_of(content), data
+
+
+def opened(data: bytes, trusted: Mapping[str, PublicKey], address: str = "") -> tuple[str, Bundle]:
+    """Return the address and the bundle of bytes that one of the trusted keys signed; raises BundleError.
+
+    ``address``: the content must have this one.
+    """
+    header, content = _parts(data)
+    found = address_of(content)
+    if address and found != address:
+        raise BundleError(f"the bundle's content is not that of {address[:12]}: it was changed on its way")
+    if not is_signed(HEAD + content, header.signature, header.key, trusted):
+        known = ", ".join(sorted(trusted)) or "none"
+        raise BundleError(
+            f"no trusted key signed the bundle: it names key {header.key[:16]!r}; trusted: {known}"
+        )
+    bundle = _decoded(content)
+    _check(bundle)
+    return found, bundle
+
+
+def _parts(data: bytes) -> tuple[_Header, bytes]:
+    """Return the header and the content."""
+    if len(data) > LARGEST:
+        raise BundleError(f"the bundle has more than {LARGEST >> 20} MiB")
+    if not data.startswith(HEAD):
+        raise BundleError(f"it is no bundle: it does not begin with {HEAD.decode().strip()!r}")
+    header, newline, content = data[len(HEAD) :].partition(b"\n")
+    if not newline or len(header) > _HEADER:
+        raise BundleError("it is no bundle: its header is not on one line")
+    try:
+        return decode_json(header, _Header), content
+    except (msgspec.DecodeError, UnicodeDecodeError) as error:
+        raise BundleError(f"the bundle's header cannot be read: {error}") from None
+
+
+def _decoded(content: bytes) -> Bundle:
+    """Return the bundle of a signed content."""
+    try:
+        number = decode_json(content, _Format).format
+        if number > FORMAT:
+            raise BundleError(f"the bundle has format {number}; this fleet reads {FORMAT}: update it first")
+        return decode_json(content, Bundle)
+    except (msgspec.DecodeError, UnicodeDecodeError) as error:
+        raise BundleError(f"the bundle cannot be read: {error}") from None
+
+
+def _check(bundle: Bundle) -> None:
+    """Refuse a bundle whose names lead elsewhere, or that lacks something; raises BundleError."""
+    if bundle.version < 1:
+        raise BundleError("the bundle's version must be at least 1")
+    if not bundle.edges:
+        raise BundleError("the bundle is for no edge")
+    if FLEET_FILE not in bundle.files:
+        raise BundleError(f"the bundle has no {FLEET_FILE}")
+    if len(bundle.files) > MOST_FILES:
+        raise BundleError(f"the bundle has more than {MOST_FILES} files")
+    for name in bundle.files:
+        _check_name(name, bundle.files)
+
+
+def _check_name(name: str, files: Mapping[str, bytes]) -> None:
+    """Refuse a name that leads out of the bundle's folder, or in the way of another."""
+    path = PurePosixPath(name)
+    plain = name.isprintable() and "\\" not in name and str(path) == name and not path.is_absolute()
+    if (
+        not plain
+        or {"..", "."} & set(path.parts)
+        or not all(len(part) <= LONGEST_PART for part in path.parts)
+    ):
+        raise BundleError(f"{name!r} is no name of a file in a bundle")
+    if name in LOCAL or name.startswith("."):
+        raise BundleError(f"{name} is the edge's own; no bundle brings it")
+    if any(str(parent) in files for parent in path.parents):
+        raise BundleError(f"{name!r} stands below a file of the bundle")

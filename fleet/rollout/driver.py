@@ -1,0 +1,138 @@
+"""Drives a roll-out: reads what edges report, steps the waves, and tells the next edges.
+
+Everything that it knows is in the store. Whoever leaves it (Ctrl-C) leaves the roll-out as it is: edges that
+were told go on, no other is told until it is driven again.
+"""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import msgspec
+
+from fleet.clock import Clock
+from fleet.errors import FleetError
+from fleet.rollout.messages import Desired, Observed, Rollout, Stage
+from fleet.rollout.store import FleetStore
+from fleet.rollout.waves import Phase, Plan, Progress, Told, aborted, limit_of, step, wave_ends
+
+LOOK_EVERY = 1.0  # s
+
+VERDICTS: Mapping[Stage, Told] = {
+    Stage.TAKING: Told.OPEN,
+    Stage.WAITING: Told.OPEN,
+    Stage.DONE: Told.DONE,
+    Stage.RETURNING: Told.FAILED,
+    Stage.FAILED: Told.FAILED,
+    Stage.REFUSED: Told.FAILED,
+    Stage.WITHDRAWN: Told.FAILED,
+}
+"""What the report of an edge means for the roll-out."""
+
+
+class RolloutRunning(FleetError):
+    """Another roll-out is under way."""
+
+
+class RolloutMissing(FleetError):
+    """No roll-out is in the store."""
+
+
+def plan_of(rollout: Rollout) -> Plan:
+    """Return how a roll-out goes; raises WavesError."""
+    edges = tuple(rollout.targets)
+    ends = wave_ends(rollout.waves, len(edges))
+    return Plan(edges, ends, limit_of(rollout.stop_if), rollout.parallel, rollout.within)
+
+
+def verdicts(rollout: Rollout, observed: Mapping[str, Observed]) -> dict[str, Told]:
+    """Return what the reports of edges say of this roll-out; a report on another bundle says nothing."""
+    return {
+        edge: VERDICTS[report.stage]
+        for edge, report in observed.items()
+        if edge in rollout.targets
+        and (report.rollout, report.bundle) == (rollout.id, rollout.targets[edge].bundle)
+    }
+
+
+class Driver:
+    """Drives one roll-out. ``tell`` hears of each step; ``sleep`` waits for seconds."""
+
+    def __init__(
+        self,
+        store: FleetStore,
+        *,
+        clock: Clock,
+        tell: Callable[[Rollout, Mapping[str, Observed]], None] | None = None,
+        sleep: Callable[[float], Any] = asyncio.sleep,
+    ) -> None:
+        self._store = store
+        self._clock = clock
+        self._tell = tell
+        self._sleep = sleep
+        self._told = False
+
+    async def begin(self, rollout: Rollout) -> None:
+        """Store a new roll-out; raises RolloutRunning while another one is under way."""
+        plan_of(rollout)
+        before, revision = await self._store.rollout()
+        if before is not None and before.progress.phase is Phase.RUNNING:
+            raise RolloutRunning(
+                f"roll-out {before.id} of {before.by} is under way: fleet rollout resume, or abort"
+            )
+        await self._store.keep(rollout, revision)
+
+    async def drive(self) -> Rollout:
+        """Drive the roll-out in the store until it ends; raises StoreError."""
+        while True:
+            rollout, observed = await self.turn()
+            if self._tell is not None:
+                self._tell(rollout, observed)
+            if rollout.progress.phase is not Phase.RUNNING:
+                return rollout
+            await self._sleep(LOOK_EVERY)
+
+    async def turn(self) -> tuple[Rollout, dict[str, Observed]]:
+        """Take one step; raises StoreError, RolloutMissing."""
+        rollout, revision = await self._stored()
+        told = rollout.progress.told
+        observed = await self._store.observed(edge for edge, each in told.items() if each is Told.OPEN)
+        now = self._clock.time()
+        progress = step(plan_of(rollout), rollout.progress, verdicts(rollout, observed), now)
+        return await self._advance(rollout, progress, revision), observed
+
+    async def abort(self, by: str) -> Rollout:
+        """End the roll-out: no other edge is told, and edges that are not done go back."""
+        rollout, revision = await self._stored()
+        if rollout.progress.phase is not Phase.RUNNING:
+            return rollout
+        return await self._advance(rollout, aborted(rollout.progress, f"aborted by {by}"), revision)
+
+    async def _stored(self) -> tuple[Rollout, int]:
+        """Return the roll-out in the store; raises RolloutMissing."""
+        rollout, revision = await self._store.rollout()
+        if rollout is None:
+            raise RolloutMissing("there is no roll-out yet; begin one with: fleet apply --fleet")
+        return rollout, revision
+
+    async def _advance(self, before: Rollout, progress: Progress, revision: int) -> Rollout:
+        """Store a step, then tell the edges; who drives it anew tells again what may not have gone out."""
+        rollout: Rollout = msgspec.structs.replace(before, progress=progress)
+        if progress != before.progress:
+            await self._store.keep(rollout, revision)
+        over = progress.phase in (Phase.STOPPED, Phase.ABORTED)
+        for edge, state in progress.told.items():
+            news = edge not in before.progress.told or over or not self._told
+            if state is Told.OPEN and news:
+                await self._store.desire(edge, self._desired(rollout, edge, withdrawn=over))
+        self._told = True
+        return rollout
+
+    def _desired(self, rollout: Rollout, edge: str, *, withdrawn: bool) -> Desired:
+        """Return what an edge shall run."""
+        target = rollout.targets[edge]
+        return Desired(
+            rollout.id, target.bundle, target.parts, rollout.settle, rollout.by, withdrawn=withdrawn
+        )

@@ -1,0 +1,152 @@
+"""The edge on this computer, as the agent of its roll-outs uses it: through the way of ``fleet apply``."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Protocol
+
+import msgspec
+
+from fleet.client.changes import ask_changes
+from fleet.client.edges import Edges
+from fleet.config.load import Loaded, load
+from fleet.config.yaml import SECRETS, read
+from fleet.errors import FleetError, NotRunning
+from fleet.model.change import Change, ChangeKind, ChangesAsked, Outcome
+from fleet.rollout.bundle import FLEET_FILE, BundleError
+
+RELOAD_WITHIN = 90.0  # s
+
+
+class Code(msgspec.Struct, frozen=True):
+    """What of a bundle the comparison of fleet files does not see.
+
+    ``adapters``: their code changed. ``files``: the edge reads them at its start only.
+    """
+
+    adapters: tuple[str, ...] = ()
+    files: tuple[str, ...] = ()
+
+
+class Applied(msgspec.Struct, frozen=True):
+    """What came of one attempt: why it ``failed``, why a part ``waits``; both empty when it is whole."""
+
+    lines: tuple[str, ...] = ()
+    failed: str = ""
+    waits: str = ""
+
+
+class Running(msgspec.Struct, frozen=True):
+    """An edge that runs: its health, and since when it runs (Unix s)."""
+
+    health: str
+    cause: str
+    since: float
+
+
+class EdgeHere(Protocol):
+    """What the agent asks of the edge; everything blocks."""
+
+    def check(self, folder: Path, before: Path | None) -> Code:
+        """Check the files of a bundle, and compare with those before; raises FleetError."""
+
+    def apply(self, by: str) -> Applied:
+        """Have the edge take over its file; raises FleetError when it refuses the file as a whole."""
+
+    def reload(self, adapter: str) -> str:
+        """Have the changed code of an adapter taken into use; return why it waits, empty when it is."""
+
+    def running(self) -> Running | None:
+        """Return the running edge, None when it does not run."""
+
+
+class LocalEdge:
+    """The edge of an installation; ``file`` is the fleet file in use, by the path that stays the same."""
+
+    def __init__(self, edge: str, file: Path) -> None:
+        self._edge, self._file = edge, file
+
+    def check(self, folder: Path, before: Path | None) -> Code:
+        """Check the files of a bundle, and compare with those before."""
+        file = folder / FLEET_FILE
+        loaded = load(file)
+        if loaded.config.edge.id != self._edge:
+            raise BundleError(f"its {FLEET_FILE} is for edge {loaded.config.edge.id}, not {self._edge}")
+        if before is None:
+            return Code()
+        compared = {Path(name).resolve() for name in read(file, os.environ).lines}
+        changed = [name for name in _changed(before, folder) if (folder / name).resolve() not in compared]
+        return _code(folder, loaded, changed)
+
+    def apply(self, by: str) -> Applied:
+        """Have the edge take over its file."""
+        asked = ChangesAsked("apply", by=by, file=str(self._file.resolve()))
+        answer = ask_changes(self._edge, str(self._file), asked)
+        if answer is None:
+            return Applied(waits=f"edge {self._edge} does not run; it starts with this bundle")
+        return summary(answer.changes)
+
+    def reload(self, adapter: str) -> str:
+        """Have the changed code of an adapter taken into use."""
+        try:
+            with Edges.reach(str(self._file)) as edges:
+                robots = [state for state in edges.states() if state.adapter == adapter]
+                fixed = [robot.name for robot in robots if not (robot.drop_in and robot.worker)]
+                if fixed:
+                    return f"restart the edge: {', '.join(fixed)} runs the code of {adapter} in its process"
+                for worker in sorted({str(robot.worker) for robot in robots}):
+                    reply = edges.reload(self._edge, worker, adapter, within=RELOAD_WITHIN)
+                    if reply is None or not reply.ok:
+                        return f"worker {worker}: {reply.reason if reply else 'it does not answer'}"
+        except NotRunning:
+            return ""  # its next start reads it
+        return ""
+
+    def running(self) -> Running | None:
+        """Return the running edge."""
+        try:
+            with Edges.reach(str(self._file)) as edges:
+                found = next((state for state in edges.edges() if state.edge == self._edge), None)
+        except FleetError:
+            return None
+        return None if found is None else Running(found.health, found.cause, found.stamp - found.uptime)
+
+
+def summary(changes: Iterable[Change]) -> Applied:
+    """Return what came of all changes together."""
+    lines, failed, waits = [], [], []
+    for change in changes:
+        if change.kind is ChangeKind.UNTOUCHED:
+            continue
+        lines.append(f"{change.name}: {change.kind.value}: {change.outcome.value}")
+        if change.outcome is Outcome.FAILED:
+            failed.append(f"{change.name}: {change.why}")
+        elif change.outcome is not Outcome.DONE:
+            waits.append(f"{change.name}: {change.why}")
+    return Applied(tuple(lines), "; ".join(failed), "; ".join(waits))
+
+
+def _changed(before: Path, after: Path) -> list[str]:
+    """Return the files that differ between two folders."""
+    one, other = _contents(before), _contents(after)
+    return sorted(name for name in {*one, *other} if one.get(name) != other.get(name))
+
+
+def _contents(folder: Path) -> dict[str, bytes]:
+    """Return the files of a folder, but for the secrets, which are the edge's own."""
+    files = (path for path in folder.rglob("*") if path.is_file() and "__pycache__" not in path.parts)
+    return {path.relative_to(folder).as_posix(): path.read_bytes() for path in files if path.name != SECRETS}
+
+
+def _code(folder: Path, loaded: Loaded, changed: list[str]) -> Code:
+    """Return what the changed files mean, which are not part of the fleet file."""
+    places = [path.resolve() for path in loaded.config.plugins]
+
+    def is_code(name: str) -> bool:
+        return name.endswith(".py") and any((folder / name).resolve().is_relative_to(at) for at in places)
+
+    code = [name for name in changed if is_code(name)]
+    adapters = {plugin.name for _, plugin in loaded.robots if plugin.file is not None} if code else set()
+    return Code(tuple(sorted(adapters)), tuple(name for name in changed if name not in code))

@@ -1,0 +1,66 @@
+"""Makes a bundle of a fleet file and the files that it needs; it never has a secret in it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+
+import msgspec
+
+from fleet.backup.configuration import collect
+from fleet.config.load import sections_of
+from fleet.config.masking import Masking, kept_secrets, secrets_in
+from fleet.config.yaml import SECRETS, Document, read, secret_names
+from fleet.rollout.bundle import FLEET_FILE, FORMAT, Bundle, BundleError
+from fleet.version import __version__
+
+
+class Made(msgspec.Struct, frozen=True):
+    """A bundle, and in words what the fleet file names that is not in it."""
+
+    bundle: Bundle
+    left_out: tuple[str, ...]
+
+
+def make(file: Path, edges: Iterable[str], version: int, environ: Mapping[str, str], now: float) -> Made:
+    """Return the bundle of a fleet file for these edges, or for its own; ``now`` is Unix seconds.
+
+    Raises BundleError, InvalidConfig.
+    """
+    config = sections_of(file, environ)
+    document = read(file, environ)
+    masking = Masking(secrets_in(document, kept_secrets(file.parent / SECRETS), environ))
+    found = collect(file, document, config, masking)
+    _refuse_secrets(document, found.files, file)
+    if found.keys:
+        raise BundleError(
+            f"{found.keys[0]} is a private key, which stays on its edge: name it by its absolute path there"
+        )
+    files = dict(found.files)
+    if file.name != FLEET_FILE:
+        if FLEET_FILE in files:
+            raise BundleError(f"{file} names another {FLEET_FILE}; rename that")
+        files[FLEET_FILE] = files.pop(file.name)
+    bundle = Bundle(
+        FORMAT,
+        version,
+        tuple(edges) or (config.edge.id,),
+        files,
+        tuple(secret_names(file.parent / SECRETS)),
+        __version__,
+        now,
+    )
+    return Made(bundle, tuple(found.left_out))
+
+
+def _refuse_secrets(document: Document, files: Mapping[str, bytes], file: Path) -> None:
+    """Refuse a file of the configuration that holds a secret itself."""
+    for name, lines in document.lines.items():
+        inside = Path(name).resolve().relative_to(file.parent.resolve()).as_posix()
+        shown = files[inside].decode().splitlines()
+        for number, (line, masked) in enumerate(zip(lines, shown, strict=False), 1):
+            if line.rstrip() != masked:
+                raise BundleError(
+                    f"{name}:{number}: a secret stands here; write  !secret NAME  and put its value into "
+                    f"{SECRETS} of each edge"
+                )

@@ -1,0 +1,181 @@
+"""The waves of a roll-out, as a state machine: which edges are told next, and when it stops. Pure.
+
+Edges are told in their order. A wave begins when every edge of the wave before has settled, and the limit on
+failures has held at every step. The share of failures is that of the edges told so far, so that a bundle that
+nobody can use stops in its first wave.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from enum import StrEnum
+from itertools import accumulate
+
+import msgspec
+
+from fleet.errors import FleetError
+
+_WAVE = re.compile(r"(\d{1,6})(%?)")
+_LIMIT = re.compile(r"failed\s*>\s*(\d{1,6}(?:\.\d+)?)\s*(%?)")
+
+
+class WavesError(FleetError):
+    """The waves of a roll-out, or its limit, cannot be read."""
+
+
+class Phase(StrEnum):
+    """How far a roll-out is."""
+
+    RUNNING = "running"
+    STOPPED = "stopped"  # too many edges failed
+    ABORTED = "aborted"  # a person ended it
+    COMPLETED = "completed"
+
+
+class Event(StrEnum):
+    """What moves a roll-out from one phase to another."""
+
+    TOO_MANY_FAILED = "too many failed"
+    ABORT = "abort"
+    ALL_SETTLED = "all settled"
+
+
+TRANSITIONS: Mapping[tuple[Phase, Event], Phase] = {
+    (Phase.RUNNING, Event.TOO_MANY_FAILED): Phase.STOPPED,
+    (Phase.RUNNING, Event.ABORT): Phase.ABORTED,
+    (Phase.RUNNING, Event.ALL_SETTLED): Phase.COMPLETED,
+}
+"""Any other event changes nothing: what has ended stays as it ended."""
+
+
+class Told(StrEnum):
+    """What is known of an edge that was told; one that was not has no entry."""
+
+    OPEN = "open"
+    DONE = "done"
+    FAILED = "failed"
+
+
+class Limit(msgspec.Struct, frozen=True):
+    """How many edges may fail: ``most``, in percent of those told so far or as a number."""
+
+    most: float
+    percent: bool
+
+    def is_exceeded(self, failed: int, told: int) -> bool:
+        """Return whether too many have failed."""
+        return failed * 100 > self.most * told if self.percent else failed > self.most
+
+
+class Plan(msgspec.Struct, frozen=True):
+    """How a roll-out goes: its edges in order, where each wave ends, the limit.
+
+    At most ``parallel`` edges change at a time; one that has not settled ``within`` seconds has failed.
+    """
+
+    edges: tuple[str, ...]
+    ends: tuple[int, ...]
+    limit: Limit
+    parallel: int
+    within: float
+
+
+class Progress(msgspec.Struct, frozen=True):
+    """How far a roll-out is; ``since`` when each edge was told (Unix s), ``why`` what ended it early."""
+
+    phase: Phase = Phase.RUNNING
+    told: dict[str, Told] = {}
+    since: dict[str, float] = {}
+    why: str = ""
+
+    def count(self, what: Told) -> int:
+        """Return how many of the edges that were told are so."""
+        return sum(each is what for each in self.told.values())
+
+
+def wave_ends(text: str, edges: int) -> tuple[int, ...]:
+    """Return after how many edges each wave of ``1,10%,100%`` ends; raises WavesError.
+
+    A share is rounded up. The last wave is all edges.
+    """
+    matches = [_WAVE.fullmatch(part.strip()) for part in text.split(",")]
+    given = [(int(each[1]), bool(each[2])) for each in matches if each is not None]
+    if len(given) < len(matches):
+        raise WavesError(f"{text!r} are no waves: write numbers of edges or shares of all, as 1,10%,100%")
+    if any(number < 1 or (share and number > 100) for number, share in given):
+        raise WavesError(f"{text!r} are no waves: a wave has at least one edge, and at most 100%")
+    for kind in (True, False):
+        numbers = [number for number, share in given if share is kind]
+        if numbers != sorted(numbers):
+            raise WavesError(f"{text!r} are no waves: each counts the edges before it too, so they only grow")
+    ends = (-(-number * edges // 100) if share else number for number, share in given)
+    bounded = accumulate((min(end, edges) for end in (*ends, edges)), max)
+    return tuple(dict.fromkeys(bounded))
+
+
+def limit_of(text: str) -> Limit:
+    """Return the limit of ``failed > 2%`` or ``failed > 3``; raises WavesError."""
+    match = _LIMIT.fullmatch(text.strip())
+    if match is None or (match[2] and float(match[1]) > 100):
+        raise WavesError(f"{text!r} is no limit: write  failed > 2%  or  failed > 3")
+    return Limit(float(match[1]), bool(match[2]))
+
+
+def step(plan: Plan, progress: Progress, seen: Mapping[str, Told], now: float) -> Progress:
+    """Return the progress after what was seen of edges that were told; new in ``told`` are those to tell now.
+
+    ``now`` is Unix seconds. What is seen of an edge that was not told, or has settled, counts for nothing.
+    """
+    if progress.phase is not Phase.RUNNING:
+        return progress
+    told = {name: _state(plan, progress, name, seen, now) for name in progress.told}
+    progress = msgspec.structs.replace(progress, told=told)
+    failed = progress.count(Told.FAILED)
+    if plan.limit.is_exceeded(failed, len(told)):
+        why = f"{failed} of {len(told)} edges failed: {', '.join(_failed(plan, told)[:5])}"
+        return _moved(progress, Event.TOO_MANY_FAILED, why)
+    following = _next(plan, told)
+    if following:
+        opened = dict.fromkeys(following, Told.OPEN)
+        since = {**progress.since, **dict.fromkeys(following, now)}
+        return msgspec.structs.replace(progress, told={**told, **opened}, since=since)
+    if len(told) == len(plan.edges) and not progress.count(Told.OPEN):
+        return _moved(progress, Event.ALL_SETTLED)
+    return progress
+
+
+def aborted(progress: Progress, why: str) -> Progress:
+    """Return the progress after a person has ended the roll-out."""
+    return _moved(progress, Event.ABORT, why)
+
+
+def _moved(progress: Progress, event: Event, why: str = "") -> Progress:
+    """Return the progress after an event."""
+    phase = TRANSITIONS.get((progress.phase, event))
+    return progress if phase is None else msgspec.structs.replace(progress, phase=phase, why=why)
+
+
+def _state(plan: Plan, progress: Progress, name: str, seen: Mapping[str, Told], now: float) -> Told:
+    """Return what is known of an edge that was told."""
+    before = progress.told[name]
+    if before is not Told.OPEN:
+        return before
+    found = seen.get(name, Told.OPEN)
+    overdue = now - progress.since[name] > plan.within
+    return Told.FAILED if found is Told.OPEN and overdue else found
+
+
+def _failed(plan: Plan, told: Mapping[str, Told]) -> list[str]:
+    """Return the edges that failed, in order."""
+    return [name for name in plan.edges if told.get(name) is Told.FAILED]
+
+
+def _next(plan: Plan, told: Mapping[str, Told]) -> tuple[str, ...]:
+    """Return the edges to tell now."""
+    unsettled = sum(each is Told.OPEN for each in told.values())
+    end = next((end for end in plan.ends if end > len(told)), len(told))
+    begins_wave = len(told) in (0, *plan.ends)
+    if begins_wave and unsettled:
+        return ()
+    return plan.edges[len(told) : min(end, len(told) + plan.parallel - unsettled)]

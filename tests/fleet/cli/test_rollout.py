@@ -1,0 +1,32 @@
+"""``fleet rollout``: what it needs, and the accounts of a server; the rest is in tests/system."""
+
+import importlib.util
+import json
+
+import pytest
+
+
+@pytest.fixture
+def settings(place):
+    (place / "rollout.yaml").write_text(json.dumps({"servers": ["nats://127.0.0.1:1"]}))
+
+
+def test_accounts_are_printed_for_the_configuration_of_the_server(fleet):
+    printed = fleet("rollout", "accounts", "yard-1", "yard-2", "--operator", "alice").out
+    assert printed.startswith("authorization {")
+    assert printed.count('"user"') == 3
+
+
+@pytest.mark.parametrize("command", ["status", "resume", "abort"])
+def test_a_store_that_does_not_answer_is_told(fleet, settings, command):
+    told = fleet("rollout", command)
+    assert (told.code, "does not answer OPERATOR" in told.err) == (1, True)
+
+
+def test_an_agent_needs_an_edge(fleet, settings):
+    assert "names no edge" in fleet("rollout", "agent").err
+
+
+def test_without_the_client_of_nats_it_says_what_to_install(fleet, settings, monkeypatch):
+    monkeypatch.setattr(importlib.util, "find_spec", lambda _name: None)
+    assert "pip install 'zenoh-fleet[standby]'" in fleet("rollout", "status").err

@@ -1,0 +1,268 @@
+"""The agent of an edge: what it takes, what it refuses, and what it goes back from."""
+
+import pytest
+
+from fleet.errors import Refused
+from fleet.rollout.agent import Agent
+from fleet.rollout.bundle import HEAD, LARGEST, BundleError, sealed
+from fleet.rollout.decision import Record
+from fleet.rollout.edge_here import Applied, Code, Running
+from fleet.rollout.installation import Installation
+from fleet.rollout.messages import Desired, Stage
+from fleet.rollout.signature import by_name, new_key
+from fleet.testing.clock import ManualClock
+from tests.tools.rollout import MemoryStore, PuppetEdge, bundle_of, desired_of
+
+KEY = new_key()
+MOVES = Applied(("rex: rebuilt: refused",), waits="rex: it is armed; disarm it first")
+
+
+class Yard:
+    """One edge with version 1 of its bundle, its agent, and the store."""
+
+    def __init__(self, folder):
+        self.store, self.clock = MemoryStore(), ManualClock()
+        self.installation = Installation(folder)
+        self.here = PuppetEdge(self.installation)
+        self.first, data = sealed(bundle_of(1), KEY)
+        self.installation.stage(bundle_of(1), self.first)
+        self.installation.keep(Record(self.first, 1, self.first))
+        self.installation.activate(self.first)
+        self.store.bundles[self.first] = data
+        self.start()
+
+    def start(self):
+        """Start the agent, as after a crash of the one before."""
+        view = self.store.edge("yard-1")
+        self.agent = Agent(
+            "yard-1",
+            self.installation,
+            by_name([KEY.public]),
+            view,
+            self.here,
+            clock=self.clock,
+            sleep=self.sleep,
+        )
+
+    async def sleep(self, seconds):
+        self.clock.advance(seconds)
+
+    async def want(self, version, *, key=KEY, at="", data=None, **fields):
+        """Tell the edge to run a bundle, and let it look once; return its address."""
+        address, made, desired = desired_of(key, version, **fields)
+        self.store.bundles[at or address] = made if data is None else data
+        if at:
+            desired = Desired(desired.rollout, at, desired.parts)
+        await self.store.desire("yard-1", desired)
+        await self.agent.turn()
+        return address
+
+    async def withdraw(self, address, rollout="r1"):
+        await self.store.desire("yard-1", Desired(rollout, address, 1, withdrawn=True))
+        await self.agent.turn()
+
+    async def report(self):
+        return (await self.store.observed(["yard-1"]))["yard-1"]
+
+    @property
+    def text(self):
+        return self.installation.file_in_use.read_text().split(" {")[0].strip()
+
+
+@pytest.fixture
+def yard(tmp_path):
+    return Yard(tmp_path)
+
+
+async def test_a_new_bundle_is_taken_applied_and_reported(yard):
+    address = await yard.want(2)
+    report = await yard.report()
+    assert (report.stage, report.bundle, report.running) == (Stage.DONE, address, address)
+    assert report.lines == ("rex: settings only: done",)
+    assert yard.here.applied == [b"version 2 "]
+    await yard.agent.turn()
+    assert len(yard.here.applied) == 1, "what is done is done once"
+
+
+async def test_a_robot_in_flight_waits_and_the_edge_says_so_until_it_rests(yard):
+    yard.here.outcomes = [MOVES, MOVES]
+    await yard.want(2)
+    assert ((await yard.report()).stage, (await yard.report()).why) == (Stage.WAITING, MOVES.waits)
+    await yard.agent.turn()
+    await yard.agent.turn()
+    assert (await yard.report()).stage is Stage.DONE
+    assert len(yard.here.applied) == 3
+
+
+@pytest.mark.parametrize(
+    "outcome",
+    [Applied(failed="rex: it does not answer"), Refused("edge yard-1: another change is under way")],
+)
+async def test_what_fails_puts_the_bundle_before_in_place_again_and_applies_it(yard, outcome):
+    yard.here.outcomes = [outcome]
+    await yard.want(2)
+    report = await yard.report()
+    assert (report.stage, report.running) == (Stage.FAILED, yard.first)
+    assert yard.here.applied == [b"version 2 ", b"version 1 "]
+
+
+async def test_a_file_that_the_edge_cannot_use_touches_nothing(yard):
+    yard.here.refuses = {b"broken": BundleError("fleet.yaml:1:1: robots: there are none")}
+    await yard.want(2, text="broken")
+    report = await yard.report()
+    assert (report.stage, report.running) == (Stage.FAILED, yard.first)
+    assert "robots: there are none" in report.why
+    assert yard.here.applied == []
+    assert yard.text == "version 1"
+
+
+async def test_an_edge_that_gets_less_healthy_goes_back(yard):
+    def gets_worse(by):
+        content = yard.installation.file_in_use.read_bytes()
+        yard.here.state = Running("fault" if b"version 2" in content else "ok", "rex: motor 3", 0.0)
+        return Applied()
+
+    yard.here.apply = gets_worse
+    await yard.want(2, settle=3.0)
+    report = await yard.report()
+    assert (report.stage, yard.text) == (Stage.FAILED, "version 1")
+    assert report.why == "the edge is fault, was ok: rex: motor 3"
+
+
+async def test_a_return_that_has_to_wait_goes_on_until_it_is_whole(yard):
+    yard.here.outcomes = [Applied(failed="rex: no answer"), MOVES]
+    await yard.want(2)
+    assert (await yard.report()).stage is Stage.RETURNING
+    assert yard.text == "version 1"
+    await yard.agent.turn()
+    report = await yard.report()
+    assert (report.stage, report.why) == (Stage.FAILED, "rex: no answer")
+
+
+async def test_a_roll_out_that_ends_while_a_robot_moves_is_withdrawn(yard):
+    yard.here.outcomes = [MOVES]
+    address = await yard.want(2)
+    await yard.withdraw(address)
+    report = await yard.report()
+    assert (report.stage, report.running, yard.text) == (Stage.WITHDRAWN, yard.first, "version 1")
+    await yard.want(2, rollout="r2")
+    assert (await yard.report()).stage is Stage.DONE, "the same bundle may be rolled out again"
+
+
+async def test_what_is_done_is_not_withdrawn(yard):
+    await yard.withdraw(await yard.want(2))
+    assert ((await yard.report()).stage, yard.text) == (Stage.DONE, "version 2")
+
+
+async def test_a_silent_store_ends_nothing_that_was_begun(yard):
+    yard.here.outcomes = [MOVES]
+    await yard.want(2)
+    yard.store.silent = True
+    await yard.agent.turn()
+    assert yard.agent.problem == "the store of roll-outs does not answer"
+    assert yard.agent.record.stage is Stage.DONE
+    yard.store.silent = False
+    await yard.agent.turn()
+    assert (yard.agent.problem, (await yard.report()).stage) == ("", Stage.DONE)
+
+
+@pytest.mark.parametrize("before", ["the link", "the edge was asked"])
+async def test_an_agent_that_is_killed_half_way_goes_on_from_its_disk(yard, before, monkeypatch):
+    def die(*_):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(
+        *((yard.installation, "activate") if before == "the link" else (yard.here, "apply")), die
+    )
+    with pytest.raises(KeyboardInterrupt):
+        await yard.want(2)
+    assert yard.text == ("version 1" if before == "the link" else "version 2")
+    monkeypatch.undo()
+    yard.start()
+    await yard.agent.turn()
+    assert ((await yard.report()).stage, yard.text) == (Stage.DONE, "version 2")
+
+
+async def test_changed_code_is_reloaded_and_a_file_that_only_a_start_reads_waits_for_one(yard):
+    yard.here.code = Code(("puppet",), ("bodies/rex.yaml",))
+    yard.clock.advance(10.0)
+    await yard.want(2)
+    report = await yard.report()
+    assert (report.stage, yard.here.reloaded) == (Stage.WAITING, ["puppet"])
+    assert report.why == "restart the edge: only its start reads bodies/rex.yaml"
+    await yard.agent.turn()
+    assert yard.here.reloaded == ["puppet"], "once"
+    yard.here.state = Running("ok", "", yard.clock.time() + 1.0)
+    await yard.agent.turn()
+    assert (await yard.report()).stage is Stage.DONE
+
+
+async def other_signature(yard):
+    await yard.want(2, key=new_key())
+    return "no trusted key signed the bundle"
+
+
+async def rolled_back_version(yard):
+    await yard.want(5)
+    await yard.want(4, rollout="r2")
+    return "version 4 is not newer than version 5"
+
+
+async def other_bundle_of_the_same_version(yard):
+    await yard.want(5)
+    await yard.want(5, rollout="r2", text="other")
+    return "version 5 is not newer than version 5"
+
+
+async def replayed_bundle(yard):
+    """Return the first bundle, with its good signature, after the edge has had a newer one."""
+    await yard.want(2)
+    await yard.want(3, rollout="r2")
+    await yard.want(2, rollout="r3")
+    return "version 2 is not newer than version 3"
+
+
+async def content_of_another_address(yard):
+    address, _, _ = desired_of(KEY, 3)
+    await yard.want(2, at=address)
+    return "changed on its way"
+
+
+async def bundle_of_another_edge(yard):
+    await yard.want(2, edges=("yard-2",))
+    return "the bundle is for yard-2, not for edge yard-1"
+
+
+async def too_large(yard):
+    await yard.want(2, data=HEAD + b"x" * LARGEST)
+    return "more than 16 MiB"
+
+
+async def no_bundle_at_all(yard):
+    await yard.want(2, data=b"<html>")
+    return "it is no bundle"
+
+
+ATTEMPTS = [
+    other_signature,
+    rolled_back_version,
+    other_bundle_of_the_same_version,
+    replayed_bundle,
+    content_of_another_address,
+    bundle_of_another_edge,
+    too_large,
+    no_bundle_at_all,
+]
+
+
+@pytest.mark.parametrize("attempt", ATTEMPTS, ids=lambda attempt: attempt.__name__)
+async def test_an_attempt_is_refused_recorded_and_touches_nothing(yard, attempt):
+    words = await attempt(yard)
+    report = await yard.report()
+    assert report.stage is Stage.REFUSED
+    assert words in report.why
+    assert yard.installation.record().refusals[-1].why == report.why
+    assert yard.installation.current == yard.installation.record().running
+    applied = len(yard.here.applied)
+    await yard.agent.turn()
+    assert len(yard.here.applied) == applied, "it is not tried again"

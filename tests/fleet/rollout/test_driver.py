@@ -1,0 +1,223 @@
+"""A roll-out to a hundred puppet edges, some of which fail: it stops in time, and nothing is half applied."""
+
+import contextlib
+import random
+
+import msgspec
+import pytest
+
+from fleet.rollout.agent import Agent
+from fleet.rollout.bundle import BundleError, sealed
+from fleet.rollout.decision import Record
+from fleet.rollout.driver import Driver, RolloutMissing, RolloutRunning
+from fleet.rollout.edge_here import Applied
+from fleet.rollout.installation import Installation
+from fleet.rollout.messages import Stage
+from fleet.rollout.signature import by_name, new_key
+from fleet.rollout.store import StoreError
+from fleet.rollout.waves import Phase, Told
+from fleet.testing.clock import ManualClock
+from tests.tools.rollout import MemoryStore, PuppetEdge, bundle_of, rollout_of
+
+KEY = new_key()
+EDGES = tuple(f"edge-{number:03}" for number in range(100))
+FAILS = {
+    "it does not start": {"refuses": {b"version 2": BundleError("the file cannot be used")}},
+    "a robot does not come back": {"outcomes": [Applied(failed="rex: it does not answer")]},
+}
+
+
+class Fleet:
+    """A hundred edges with real agents and folders, and what drives a roll-out to them."""
+
+    def __init__(self, folder, edges=EDGES):
+        self.store, self.clock = MemoryStore(), ManualClock()
+        self.old, _ = sealed(bundle_of(1, edges), KEY)
+        self.new, data = sealed(bundle_of(2, edges), KEY)
+        self.store.bundles[self.new] = data
+        self.edges = {}
+        for name in edges:
+            installation = Installation(folder / name)
+            installation.folder.mkdir()
+            installation.stage(bundle_of(1, edges), self.old)
+            installation.keep(Record(self.old, 1, self.old))
+            installation.activate(self.old)
+            here = PuppetEdge(installation)
+            agent = Agent(
+                name,
+                installation,
+                by_name([KEY.public]),
+                self.store.edge(name),
+                here,
+                clock=self.clock,
+                sleep=self.sleep,
+            )
+            self.edges[name] = (agent, here)
+        self.driver = self.driven()
+
+    def driven(self):
+        return Driver(self.store, clock=self.clock, sleep=self.sleep)
+
+    async def sleep(self, seconds):
+        """Let time pass; every agent looks once in it."""
+        self.clock.advance(seconds)
+        for agent, _ in self.edges.values():
+            if agent.record.rollout or agent._edge in self.store.desired_of:
+                await agent.turn()
+
+    def fails(self, names, **how):
+        for name in names:
+            for field, value in how.items():
+                setattr(self.edges[name][1], field, value.copy())
+
+    async def begin(self, **options):
+        await self.driver.begin(rollout_of(dict.fromkeys(self.edges, self.new), **options))
+
+    async def roll_out(self, **options):
+        await self.begin(**options)
+        return (await self.driver.drive()).progress
+
+    async def settle(self):
+        """Let every agent come to its end."""
+        for _ in range(5):
+            await self.sleep(1.0)
+
+    def running(self):
+        """Return what each edge runs with: by the link, by its last application, and by its record."""
+        found = {}
+        for name, (agent, here) in self.edges.items():
+            content = agent._installation.file_in_use.read_bytes()
+            assert not here.applied or here.applied[-1] == content, f"{name} runs with something else"
+            assert agent.record.stage not in (Stage.TAKING, Stage.WAITING, Stage.RETURNING), name
+            assert agent._installation.current == agent.record.running, name
+            found[name] = "new" if agent.record.running == self.new else "old"
+        return found
+
+
+@pytest.fixture
+def fleet(tmp_path):
+    return Fleet(tmp_path)
+
+
+async def test_a_good_bundle_reaches_every_edge(fleet):
+    progress = await fleet.roll_out()
+    assert progress.phase is Phase.COMPLETED
+    assert set(fleet.running().values()) == {"new"}
+
+
+@pytest.mark.parametrize("how", FAILS)
+@pytest.mark.parametrize("seed", range(3))
+async def test_with_five_of_a_hundred_that_fail_it_stops_in_time(fleet, how, seed):
+    failing = set(random.Random(seed).sample(EDGES, 5))
+    fleet.fails(failing, **FAILS[how])
+    progress = await fleet.roll_out(parallel=5, stop_if="failed > 2%")
+    await fleet.settle()
+    assert progress.phase is Phase.STOPPED
+    failed = [name for name, told in progress.told.items() if told is Told.FAILED]
+    assert failed
+    assert set(failed) <= failing
+    assert len(failed) - 1 <= 0.02 * len(progress.told) + 5, "at most those under way fail beyond the limit"
+    running = fleet.running()
+    assert all(running[name] == "old" for name in failing)
+    assert all(running[name] == "old" for name in EDGES if name not in progress.told)
+    assert all(running[name] == "new" for name, told in progress.told.items() if told is Told.DONE)
+
+
+@pytest.mark.parametrize("how", FAILS)
+async def test_a_bundle_that_no_edge_can_use_stops_in_the_first_wave(fleet, how):
+    fleet.fails(EDGES, **FAILS[how])
+    progress = await fleet.roll_out()
+    assert (progress.phase, list(progress.told)) == (Phase.STOPPED, ["edge-000"])
+    assert set(fleet.running().values()) == {"old"}
+
+
+async def test_edges_that_wait_when_it_stops_go_back(fleet):
+    waits = Applied(waits="rex: it is armed; disarm it first")
+    fleet.fails(["edge-003"], outcomes=[waits] * 50)
+    fleet.fails(["edge-005"], outcomes=[Applied(failed="rex: it does not answer")])
+    progress = await fleet.roll_out(stop_if="failed > 0")
+    fleet.edges["edge-003"][1].outcomes = []
+    await fleet.settle()
+    assert progress.phase is Phase.STOPPED
+    assert fleet.running()["edge-003"] == "old"
+    assert fleet.edges["edge-003"][0].record.stage is Stage.WITHDRAWN
+
+
+async def test_a_wave_waits_for_a_robot_in_flight_until_its_time_is_over(fleet):
+    fleet.fails(["edge-000"], outcomes=[Applied(waits="rex: it is armed")] * 500)
+    progress = await fleet.roll_out(within=30.0)
+    assert (progress.phase, list(progress.told)) == (Phase.STOPPED, ["edge-000"])
+
+
+class Detached(Exception):
+    """Ctrl-C."""
+
+
+@pytest.mark.parametrize("after", [1, 2, 4, 7])
+async def test_who_detaches_leaves_it_and_another_drives_it_to_its_end(fleet, after):
+    await fleet.begin(parallel=5)
+    calls = 0
+    keep = fleet.store.keep
+
+    async def cut_off(rollout, revision):
+        nonlocal calls
+        calls += 1
+        kept = await keep(rollout, revision)
+        if calls == after:
+            raise Detached  # after it was stored, before the edges were told
+        return kept
+
+    fleet.store.keep = cut_off
+    with contextlib.suppress(Detached):
+        await fleet.driver.drive()
+    fleet.store.keep = keep
+    told = len((await fleet.store.rollout())[0].progress.told)
+    await fleet.settle()
+    assert len((await fleet.store.rollout())[0].progress.told) == told, "nobody else is told meanwhile"
+    assert (await fleet.driven().drive()).progress.phase is Phase.COMPLETED
+    assert set(fleet.running().values()) == {"new"}
+
+
+async def test_an_abort_takes_back_what_is_not_done(fleet):
+    fleet.fails(EDGES, outcomes=[Applied(waits="rex: it is armed")])
+    await fleet.begin(waves="10,100%")
+    await fleet.driver.turn()
+    await fleet.sleep(1.0)
+    ended = await fleet.driven().abort("bob")
+    await fleet.settle()
+    assert (ended.progress.phase, ended.progress.why) == (Phase.ABORTED, "aborted by bob")
+    assert set(fleet.running().values()) == {"old"}
+    assert (await fleet.driven().abort("eve")).progress.why == "aborted by bob"
+
+
+async def test_one_roll_out_at_a_time_and_one_who_drives_it(fleet):
+    await fleet.begin()
+    with pytest.raises(RolloutRunning, match="roll-out r1 of alice is under way"):
+        await fleet.begin()
+    other = fleet.driven()
+    first = fleet.store.rollout
+
+    async def then_another_steps():
+        found = await first()
+        fleet.store.rollout = first
+        await other.turn()
+        return found
+
+    fleet.store.rollout = then_another_steps
+    with pytest.raises(StoreError, match="changed meanwhile"):
+        await fleet.driver.turn()
+
+
+async def test_without_a_roll_out_there_is_nothing_to_drive():
+    with pytest.raises(RolloutMissing, match="fleet apply --fleet"):
+        await Driver(MemoryStore(), clock=ManualClock()).drive()
+
+
+async def test_an_old_report_says_nothing_of_a_new_roll_out(fleet):
+    await fleet.roll_out()
+    wanted = rollout_of(dict.fromkeys(EDGES, fleet.new))
+    await fleet.driver.begin(msgspec.structs.replace(wanted, id="r2"))
+    rollout, _ = await fleet.driver.turn()
+    assert rollout.progress.told == {"edge-000": Told.OPEN}
+    rollout, _ = await fleet.driver.turn()
+    assert rollout.progress.told == {"edge-000": Told.OPEN}

@@ -1,0 +1,68 @@
+"""What a bundle has of a configuration, and what it must not have."""
+
+import pytest
+
+from fleet.rollout.bundle import BundleError
+from fleet.rollout.making import make
+
+FILE = """\
+edge: {id: yard-1}
+plugins: [plugins]
+cloud: {host: mqtt.example.com, token: !secret cyberwave_token}
+robots: !include robots.yaml
+"""
+ROBOTS = """\
+- name: rex
+  twin: 6f0c9a1e-8d2b-4c57-9a39-2f4a1d0b7c11
+  adapter: toy
+  body: bodies/rex.yaml
+"""
+
+
+@pytest.fixture
+def site(tmp_path):
+    for name, text in {
+        "fleet.yaml": FILE,
+        "robots.yaml": ROBOTS,
+        "secrets.yaml": "cyberwave_token: THE-VALUE\n",
+        "plugins/toy.py": "import fleet\n",
+        "bodies/rex.yaml": "legs: 4\n",
+    }.items():
+        (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / name).write_text(text)
+    (tmp_path / "secrets.yaml").chmod(0o600)
+    return tmp_path
+
+
+def made(site, *edges, file="fleet.yaml"):
+    return make(site / file, edges, 3, {}, 1e9).bundle
+
+
+def test_it_has_all_that_the_fleet_file_needs_and_secrets_by_name_only(site):
+    bundle = made(site)
+    assert set(bundle.files) == {"fleet.yaml", "robots.yaml", "plugins/toy.py", "bodies/rex.yaml"}
+    assert (bundle.edges, bundle.secrets, bundle.version) == (("yard-1",), ("cyberwave_token",), 3)
+    assert not any(b"THE-VALUE" in content for content in bundle.files.values())
+    assert bundle.files["fleet.yaml"].decode() == FILE
+
+
+def test_it_may_be_for_other_edges_and_of_a_file_with_another_name(site):
+    (site / "fleet.yaml").rename(site / "yard.yaml")
+    bundle = made(site, "yard-1", "yard-2", file="yard.yaml")
+    assert bundle.edges == ("yard-1", "yard-2")
+    assert "fleet.yaml" in bundle.files
+    assert "yard.yaml" not in bundle.files
+
+
+@pytest.mark.parametrize("line", ["password: plain-text", "token: cw_0123456789"])
+def test_a_secret_that_stands_in_the_file_is_refused_with_its_line(site, line):
+    cloud = f"cloud: {{host: mqtt.example.com, username: a, {line}}}"
+    (site / "fleet.yaml").write_text(FILE.replace(FILE.splitlines()[2], cloud))
+    with pytest.raises(BundleError, match=r"fleet\.yaml:3: a secret stands here; write  !secret NAME"):
+        made(site)
+
+
+def test_a_private_key_beside_the_file_is_refused(site):
+    (site / "bodies" / "rex.yaml").write_text("-----BEGIN PRIVATE KEY-----\n")
+    with pytest.raises(BundleError, match="is a private key, which stays on its edge"):
+        made(site)

@@ -1,0 +1,47 @@
+"""Entries of the store: what cannot be read is refused in one line."""
+
+import msgspec
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from fleet.errors import StateError
+from fleet.rollout.messages import LARGEST, Desired, Observed, Stage, read_entry
+
+ADDRESS = "a" * 64
+
+
+@pytest.mark.parametrize("entry", [Desired("r1", ADDRESS, 2), Observed("yard-1", "r1", ADDRESS, Stage.DONE)])
+def test_what_was_written_is_read(entry):
+    assert read_entry(msgspec.json.encode(entry), type(entry), "here") == entry
+
+
+def test_a_newer_format_and_a_large_entry_are_refused_with_the_place():
+    with pytest.raises(StateError, match=r"here has format 2; this fleet reads 1: update it"):
+        read_entry(b'{"format": 2}', Desired, "here")
+    with pytest.raises(StateError, match="here has more than 1 MiB"):
+        read_entry(b" " * (LARGEST + 1), Desired, "here")
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        Desired("r" * 65, ADDRESS, 1),
+        Desired("r1", "../../etc", 1),
+        Desired("r1", ADDRESS, 0),
+        Desired("r1", ADDRESS, 1, settle=1e9),
+        Desired("r1", ADDRESS, 1, by="b" * 257),
+        Observed("yard-1", "r1", ADDRESS, Stage.DONE, why="w" * 501),
+        Observed("yard-1", "r1", ADDRESS, Stage.DONE, lines=("line",) * 51),
+        Observed("yard-1", "r1", ADDRESS, Stage.DONE, lines=("l" * 201,)),
+    ],
+)
+def test_what_is_longer_or_larger_than_it_can_be_is_refused(wrong):
+    with pytest.raises(StateError, match="here cannot be read"):
+        read_entry(msgspec.json.encode(wrong), type(wrong), "here")
+
+
+@given(st.binary(max_size=100))
+def test_any_other_bytes_are_refused(data):
+    with pytest.raises(StateError, match="here cannot be read"):
+        read_entry(data, Desired, "here")

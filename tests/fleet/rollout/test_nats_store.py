@@ -1,0 +1,219 @@
+"""The store in a real NATS server, with TLS and an account for each edge: what passes, and what not."""
+
+from datetime import UTC, datetime, timedelta
+
+import pytest
+
+from fleet.config.certificates import Identity, issue_pair, make_authority
+from fleet.errors import StateError
+from fleet.rollout.accounts import server_users
+from fleet.rollout.bundle import LARGEST, BundleError, sealed
+from fleet.rollout.messages import Desired, Observed, Stage
+from fleet.rollout.nats_store import Connection, NatsEdgeStore, NatsFleetStore
+from fleet.rollout.settings import RolloutSettings
+from fleet.rollout.signature import new_key
+from fleet.rollout.store import PART, StoreError
+from fleet.testing.waiting import wait_until
+from tests.tools.lease_service import lease_service
+from tests.tools.rollout import bundle_of, rollout_of
+
+NOW = datetime.now(UTC)
+TLS = """
+tls {{
+  cert_file: "{folder}/server.pem"
+  key_file: "{folder}/server.key"
+  ca_file: "{folder}/ca.pem"
+  verify_and_map: true
+}}
+"""
+ADDRESS = "a" * 64
+ENDED = "a certificate or an account that it refuses"  # if it closes before the client has read why
+
+
+class Authority:
+    """Issues certificates into a folder."""
+
+    def __init__(self, folder):
+        self.folder = folder
+        folder.mkdir()
+        self.pair = make_authority("yard", NOW - timedelta(days=9))
+        (folder / "ca.pem").write_bytes(self.pair.certificate)
+
+    def issue(self, name, until=NOW + timedelta(days=9)):
+        identity = Identity(name, "edge", (name, "localhost", "127.0.0.1"), until)
+        pair = issue_pair(self.pair, identity, min(NOW, until - timedelta(days=1)))
+        (self.folder / f"{name}.pem").write_bytes(pair.certificate)
+        (self.folder / f"{name}.key").write_bytes(pair.key)
+
+
+class Server:
+    """A server with accounts, and settings for its clients."""
+
+    def __init__(self, port, authority, other):
+        self.port, self.authority, self.other = port, authority, other
+        self.log = authority.folder.parent / "log"
+
+    def settings(self, name, *, trusts=None, authority=None):
+        folder = (authority or self.authority).folder
+        return RolloutSettings(
+            servers=(f"tls://127.0.0.1:{self.port}",),
+            ca_file=(trusts or self.authority).folder / "ca.pem",
+            certificate=folder / f"{name}.pem",
+            private_key=folder / f"{name}.key",
+        )
+
+
+@pytest.fixture(scope="module")
+def server(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("store")
+    authority, other = Authority(folder / "certs"), Authority(folder / "other")
+    for name in ("server", "yard-1", "yard-2", "alice", "nobody"):
+        authority.issue(name)
+    other.issue("yard-1")
+    authority.issue("late", NOW - timedelta(days=1))
+    users = server_users(["yard-1", "yard-2", "late"], ["alice"])
+    with lease_service(folder, TLS.format(folder=authority.folder) + users) as port:
+        yield Server(port, authority, other)
+
+
+@pytest.fixture
+async def fleet(server):
+    store = NatsFleetStore(server.settings("alice"))
+    await store.prepare()
+    yield store
+    await store.close()
+
+
+@pytest.fixture
+async def edge(server, fleet):
+    store = NatsEdgeStore(server.settings("yard-1"), "yard-1")
+    yield store
+    await store.close()
+
+
+async def test_an_edge_reads_what_it_shall_run_and_reports_how_far_it_is(fleet, edge):
+    desired = Desired("r1", ADDRESS, 1)
+    assert await edge.desired() is None
+    await fleet.desire("yard-1", desired)
+    assert await edge.desired() == desired
+    observed = Observed("yard-1", "r1", ADDRESS, Stage.DONE)
+    await edge.report(observed)
+    assert await fleet.observed(["yard-1", "yard-2"]) == {"yard-1": observed}
+
+
+async def test_a_bundle_of_several_parts_arrives_whole(fleet, edge):
+    address, data = sealed(bundle_of(large=b"x" * (2 * PART)), new_key())
+    parts = await fleet.put_bundle(address, data)
+    assert parts == 3
+    assert await edge.bundle(address, parts) == data
+
+
+async def test_a_bundle_that_is_too_large_incomplete_or_has_no_address_is_not_fetched(fleet, edge):
+    with pytest.raises(BundleError, match="at most"):
+        await edge.bundle(ADDRESS, LARGEST)
+    with pytest.raises(StoreError, match="has no part 1 of 2"):
+        await edge.bundle("b" * 64, 2)
+    with pytest.raises(BundleError, match="no address"):
+        await edge.bundle("../fleet_desired.yard-2", 1)
+
+
+async def test_a_roll_out_is_written_only_in_the_place_of_what_was_read(fleet):
+    rollout = rollout_of({"yard-1": ADDRESS})
+    _, revision = await fleet.rollout()
+    revision = await fleet.keep(rollout, revision)
+    assert await fleet.rollout() == (rollout, revision)
+    with pytest.raises(StoreError, match="changed meanwhile"):
+        await fleet.keep(rollout, revision - 1)
+
+
+async def test_what_is_no_entry_is_told_with_its_place(server, fleet, edge):
+    connection = Connection(server.settings("alice"), "OPERATOR")
+    await connection.put("fleet_desired", "yard-1", b"\xff")
+    await connection.close()
+    with pytest.raises(StateError, match="fleet_desired/yard-1 cannot be read"):
+        await edge.desired()
+
+
+async def read_desired_of_another(connection):
+    await connection.last("fleet_desired", "yard-2")
+
+
+async def write_desired_of_another(connection):
+    await connection.put("fleet_desired", "yard-2", b"{}")
+
+
+async def write_own_desired(connection):
+    await connection.put("fleet_desired", "yard-1", b"{}")
+
+
+async def write_observed_of_another(connection):
+    await connection.put("fleet_observed", "yard-2", b"{}")
+
+
+async def write_a_bundle(connection):
+    await connection.put("fleet_bundles", f"{ADDRESS}.0", b"{}")
+
+
+async def write_the_roll_out(connection):
+    await connection.put("fleet_rollouts", "current", b"{}")
+
+
+async def make_a_consumer(connection):
+    stream = await connection.ready()
+    try:
+        await stream.subscribe("$KV.fleet_desired.>", ordered_consumer=True)
+    except Exception as error:
+        raise connection.silent(error) from error
+
+
+TOO_MUCH = [
+    read_desired_of_another,
+    write_desired_of_another,
+    write_own_desired,
+    write_observed_of_another,
+    write_a_bundle,
+    write_the_roll_out,
+    make_a_consumer,
+]
+
+
+@pytest.mark.parametrize("attempt", TOO_MUCH, ids=lambda attempt: attempt.__name__)
+async def test_an_edge_is_refused_what_its_account_does_not_have(server, fleet, attempt, monkeypatch):
+    monkeypatch.setattr("fleet.rollout.nats_store.WITHIN", 1.0)
+    connection = Connection(server.settings("yard-1"), "yard-1")
+    try:
+        with pytest.raises(StoreError, match=r"(?i)permissions violation"):
+            await attempt(connection)
+    finally:
+        await connection.close()
+    wait_until("the server has it in its log", lambda: "Violation" in server.log.read_text())
+
+
+@pytest.mark.parametrize(
+    ("how", "words"),
+    [
+        ("the edge trusts another authority", "certificate verify failed"),
+        ("another authority issued the edge's certificate", f"(?i)unknown ca|{ENDED}"),
+        ("the certificate has expired", f"(?i)certificate expired|{ENDED}"),
+        ("the certificate is of no account", f"(?i)authorization violation|{ENDED}"),
+        ("the certificate is of another edge", "(?i)permissions violation"),
+    ],
+)
+async def test_a_connection_is_refused(server, fleet, how, words, monkeypatch):
+    monkeypatch.setattr("fleet.rollout.nats_store.WITHIN", 1.5)
+    name, settings = {
+        "the edge trusts another authority": ("yard-1", server.settings("yard-1", trusts=server.other)),
+        "another authority issued the edge's certificate": (
+            "yard-1",
+            server.settings("yard-1", authority=server.other),
+        ),
+        "the certificate has expired": ("late", server.settings("late")),
+        "the certificate is of no account": ("nobody", server.settings("nobody")),
+        "the certificate is of another edge": ("yard-1", server.settings("yard-2")),
+    }[how]
+    store = NatsEdgeStore(settings, name)
+    try:
+        with pytest.raises(StoreError, match=words):
+            await store.desired()
+    finally:
+        await store.close()

@@ -1,0 +1,171 @@
+"""The waves of a roll-out: what is told in which order, and when it stops."""
+
+import json
+
+import msgspec
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from fleet.rollout.waves import (
+    Limit,
+    Phase,
+    Plan,
+    Progress,
+    Told,
+    WavesError,
+    aborted,
+    limit_of,
+    step,
+    wave_ends,
+)
+
+
+def plan_of(edges, waves="1,10%,100%", stop_if="failed > 2%", parallel=20, within=60.0):
+    names = tuple(f"edge-{number:03}" for number in range(edges))
+    return Plan(names, wave_ends(waves, edges), limit_of(stop_if), parallel, within)
+
+
+def run(plan, failing=(), silent=()):
+    """Run a roll-out in which every edge answers one step after it was told."""
+    progress, history = Progress(), []
+    for now in range(1000):
+        seen = {
+            name: Told.FAILED if name in failing else Told.DONE
+            for name in progress.told
+            if name not in silent
+        }
+        progress = step(plan, progress, seen, float(now))
+        history.append(progress)
+        if progress.phase is not Phase.RUNNING:
+            return progress, history
+    raise AssertionError("it never ends")
+
+
+@pytest.mark.parametrize(
+    ("text", "edges", "ends"),
+    [
+        ("1,10%,100%", 100, (1, 10, 100)),
+        ("1,10%,100%", 5, (1, 5)),
+        ("1,50%", 10, (1, 5, 10)),
+        ("3", 3, (3,)),
+        ("1,5%,25%,100%", 30, (1, 2, 8, 30)),
+        ("5,100%", 3, (3,)),
+    ],
+)
+def test_waves_count_all_edges_so_far_and_the_last_one_is_all(text, edges, ends):
+    assert wave_ends(text, edges) == ends
+
+
+@pytest.mark.parametrize("text", ["", "0,100%", "10,5", "101%", "a", "1,,2", "50%,10%", "-1", "1.5"])
+def test_waves_that_mean_nothing_are_refused(text):
+    with pytest.raises(WavesError, match="no waves"):
+        wave_ends(text, 100)
+
+
+@pytest.mark.parametrize("text", ["", "failed", "failed > ", "failed < 2%", "failed > 101%", "health worse"])
+def test_a_limit_that_means_nothing_is_refused(text):
+    with pytest.raises(WavesError, match="no limit"):
+        limit_of(text)
+
+
+def test_a_limit_is_a_share_of_the_edges_told_or_a_number():
+    assert limit_of("failed > 2%") == Limit(2.0, percent=True)
+    assert limit_of("failed>0") == Limit(0.0, percent=False)
+    assert not Limit(2.0, percent=True).is_exceeded(2, 100)
+    assert Limit(2.0, percent=True).is_exceeded(3, 100)
+    assert Limit(0.0, percent=False).is_exceeded(1, 100)
+
+
+def test_a_bundle_that_nobody_can_use_stops_in_the_first_wave():
+    plan = plan_of(100)
+    progress, _ = run(plan, failing=plan.edges)
+    assert progress.phase is Phase.STOPPED
+    assert list(progress.told) == ["edge-000"]
+    assert progress.why == "1 of 1 edges failed: edge-000"
+
+
+def test_with_no_failure_every_edge_is_told_once_and_it_completes():
+    plan = plan_of(100)
+    progress, _ = run(plan)
+    assert progress.phase is Phase.COMPLETED
+    assert list(progress.told) == list(plan.edges)
+
+
+def test_one_failure_in_the_last_wave_stops_before_most_edges_are_told():
+    plan = plan_of(100, parallel=5)
+    progress, _ = run(plan, failing={"edge-012"})
+    assert progress.phase is Phase.STOPPED
+    assert len(progress.told) <= 15
+
+
+def test_a_silent_edge_has_failed_after_its_time():
+    plan = plan_of(3, waves="100%", stop_if="failed > 0")
+    progress, _ = run(plan, silent={"edge-001"})
+    assert progress.phase is Phase.STOPPED
+    assert progress.told["edge-001"] is Told.FAILED
+
+
+def test_a_roll_out_that_was_aborted_tells_nobody_any_more():
+    plan = plan_of(10)
+    progress = step(plan, Progress(), {}, 0.0)
+    ended = aborted(progress, "alice")
+    assert step(plan, ended, {"edge-000": Told.DONE}, 1.0) == ended
+    assert aborted(msgspec.structs.replace(ended, phase=Phase.COMPLETED), "bob").phase is Phase.COMPLETED
+
+
+verdicts = st.sampled_from([Told.OPEN, Told.DONE, Told.FAILED])
+
+
+@given(
+    edges=st.integers(1, 60),
+    waves=st.sampled_from(["1,10%,100%", "100%", "2,50%", "1,2,3"]),
+    stop_if=st.sampled_from(["failed > 2%", "failed > 0", "failed > 30%", "failed > 3"]),
+    parallel=st.integers(1, 70),
+    data=st.data(),
+)
+def test_whatever_edges_do_the_rules_hold_at_every_step(edges, waves, stop_if, parallel, data):
+    plan = plan_of(edges, waves, stop_if, parallel)
+    progress, now = Progress(), 0.0
+    for _ in range(40):
+        before = progress
+        seen = {name: data.draw(verdicts) for name in data.draw(st.sets(st.sampled_from(plan.edges)))}
+        now += data.draw(st.sampled_from([0.0, 1.0, 61.0]))
+        progress = step(plan, before, seen, now)
+        kept = msgspec.json.decode(msgspec.json.encode(before), type=Progress)
+        assert step(plan, kept, seen, now) == progress, "a resumed roll-out goes on as if never detached"
+        holds(plan, before, progress)
+        if progress.phase is not Phase.RUNNING:
+            assert step(plan, progress, seen, now + 99.0) == progress
+            return
+
+
+def holds(plan, before, progress):
+    """Assert what is true of every step."""
+    told = list(progress.told)
+    new = told[len(before.told) :]
+    assert told == list(plan.edges[: len(told)]), "edges are told in order, each once"
+    settled = {name: state for name, state in before.told.items() if state is not Told.OPEN}
+    assert settled.items() <= progress.told.items(), "an edge that has settled stays so"
+    assert not new or progress.count(Told.OPEN) <= plan.parallel
+    exceeded = plan.limit.is_exceeded(progress.count(Told.FAILED), len(told) - len(new))
+    assert exceeded == (progress.phase is Phase.STOPPED)
+    assert not (new and exceeded)
+    waves = [sum(end <= plan.edges.index(name) for end in plan.ends) for name in told]
+    for name in new:
+        wave = waves[told.index(name)]
+        earlier = [each for each, at in zip(told, waves, strict=True) if at < wave]
+        assert all(progress.told[each] is not Told.OPEN for each in earlier), "the wave before has settled"
+    if progress.phase is Phase.COMPLETED:
+        assert told == list(plan.edges)
+        assert not progress.count(Told.OPEN)
+
+
+def test_progress_is_kept_as_plain_json():
+    progress = step(plan_of(2), Progress(), {}, 3.0)
+    assert json.loads(msgspec.json.encode(progress)) == {
+        "phase": "running",
+        "told": {"edge-000": "open"},
+        "since": {"edge-000": 3.0},
+        "why": "",
+    }
