@@ -8,6 +8,7 @@ import { askButton, holder, isAnothers } from "./control.js";
 import { health, healthKey, missions, runs, schedules } from "./overview.js";
 import { noPad, padOf } from "./pad.js";
 import { photoKey, photoOf } from "./photo.js";
+import { endVideo, videoKey, videoOf } from "./video.js";
 import { plots, plotsKey, startPlots } from "./plots.js";
 import { rehearsalKey, rehearsed, startRehearsal } from "./rehearsal.js";
 import { fit, map, view } from "./mapview.js";
@@ -304,6 +305,8 @@ function draw() {
   part("body", drawn && bodyKey(robot), () => (drawn ? bodyOf(robot) : []));
   const seen = robot && now && store.photos[robot.id];
   part("photo", seen && photoKey(robot), () => (seen ? photoOf(robot) : []));
+  const films = robot && now && operates() && described?.commands.some((command) => command.name === "start_video");
+  part("video", films && videoKey(robot), () => (films ? videoOf(robot) : []));
   const drives = robot && described?.drives && operates() ? described : null;
   part("driving", drives && [robot.id, drives.limits], () => (drives ? [element("h3", {}, "Drive by hand"), padOf(robot, drives)] : noPad() || []));
   // While a form is open, nothing that is told replaces what is typed into it.
@@ -325,6 +328,7 @@ export function startPanel() {
     if (kinds.has("open")) watched = null;
     if (kinds.has("selection") || kinds.has("past")) {
       window.fleetPage.endPads();
+      endVideo();
       releasing = false;
       opened = "";
     }
