@@ -40,6 +40,7 @@ if TYPE_CHECKING:
     from fleet.link.motion_sender import POLL_INTERVAL, MotionSender
     from fleet.link.tap import LinkTap, tap_of
     from fleet.link.url import LinkText, open_link, opened_link, parse_link_url
+    from fleet.model.body import BodyPart
     from fleet.model.command import Command
     from fleet.model.event import EventReport
     from fleet.model.geodesy import GeoOrigin, GeoPoint, geo_from_world, world_from_geo
@@ -144,6 +145,7 @@ _HOME = {
         "rotate_to_world",
         "wrap_angle",
     ),
+    "fleet.model.body": ("BodyPart",),
     "fleet.model.health": ("Health", "Level"),
     "fleet.model.joints": ("JointRange",),
     "fleet.model.navigation": (
@@ -196,6 +198,7 @@ __all__ = [
     "AdapterConfig",
     "Address",
     "BatteryReport",
+    "BodyPart",
     "BusText",
     "CameraText",
     "CanBus",

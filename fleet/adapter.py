@@ -96,6 +96,13 @@ class Robot(Protocol):
         no longer described. The last call counts; call it again when the robot changes.
         """
 
+    def circles(self, radius: float) -> None:
+        """Say that the robot cannot stand: where it ends or is stopped it circles, within ``radius`` metres.
+
+        Its goals, fence, separation and battery reserve count the circle. 0: it stands, as it does while
+        nothing was said. The last call counts; call it again when the robot changes.
+        """
+
     def leave_halt(self, link: Link, frames: Iterable[bytes], address: Address = None) -> None:
         """Leave the frames that halt the robot with the supervisor: it writes them when this process dies.
 

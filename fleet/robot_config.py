@@ -12,6 +12,7 @@ from uuid import UUID
 
 from pydantic import AfterValidator, BeforeValidator, Field, model_validator
 
+from fleet.model.body import BodyPart
 from fleet.model.polygon import is_simple
 from fleet.wire.topic_rules import TopicsConfig
 from fleet.yaml_model import Model, wrong
@@ -297,6 +298,10 @@ class AdapterConfig(TopicsConfig):
         Words of QGroundControl's plans: px4, ardupilot; multirotor, plane, vtol, rover. Empty: any.
         """
         return frozenset()
+
+    def body_parts(self) -> tuple[BodyPart, ...]:
+        """Return the parts of the robot's body, for drawings of it; empty: nobody has described them."""
+        return ()
 
     @property
     def failsafe_after(self) -> float | None:

@@ -24,6 +24,18 @@ settings.register_profile(
 settings.load_profile("fleet")
 
 
+def keep_bytecode():
+    """Compile each module once, also where PYTHONDONTWRITEBYTECODE is set, as in many containers.
+
+    Without it each process that a test starts compiles all that it imports: a second of processor time.
+    """
+    sys.dont_write_bytecode = False
+    os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
+
+
+keep_bytecode()
+
+
 def _load(path):
     """Load a module of the tests by its path."""
     spec = importlib.util.spec_from_file_location(path.stem, path)
@@ -178,10 +190,28 @@ def broker():
         yield running
 
 
+@pytest.fixture(scope="module")
+def shared_broker():
+    """Run the demo broker for all tests of a module."""
+    with BrokerThread() as running:
+        yield running
+
+
 @pytest.fixture
 def foreign_broker(request):
     """Run a broker outside the demo: Mosquitto, or the demo broker where there is no Mosquitto."""
     return request.getfixturevalue("mosquitto" if PROGRAMS.find("mosquitto") else "broker")
+
+
+@pytest.fixture(scope="module")
+def shared_foreign_broker(request, tmp_path_factory):
+    """Run such a broker for all tests of a module."""
+    path = PROGRAMS.find("mosquitto")
+    if path is None:
+        yield request.getfixturevalue("shared_broker")
+        return
+    with Mosquitto(path, tmp_path_factory.mktemp("mosquitto")) as running:
+        yield running
 
 
 def pytest_xdist_auto_num_workers():

@@ -1,11 +1,15 @@
 """The tiers of the tests: ``--fast`` and ``--soak`` of ``run.py test``, and the robots that need real time.
 
+Where the values of several parameters are tried on a long test (the mark ``combinations``), each value is in
+every run, and each combination with ``--soak``.
+
 The fast tier is for the minute between two changes: protocol, safety and translation, which are functions and
 tables. It starts no program and waits for no socket; a test of its folders that does has the mark ``waits``.
 """
 
 from __future__ import annotations
 
+import itertools
 import sys
 from collections.abc import Iterator
 from pathlib import Path
@@ -52,7 +56,10 @@ BUT = (
     "fleet/link/test_tcp.py",
     "fleet/link/test_udp.py",
     "fleet/spool/test_spool.py",
-    # wait for nothing, but fly for seconds of processor time
+    # wait for nothing, but walk and fly for seconds of processor time
+    "adapters/fleet_quadruped/body/test_posing.py",
+    "adapters/fleet_quadruped/can/test_capture.py",
+    "adapters/fleet_mavlink/test_wings.py",
     "adapters/fleet_mavlink/test_velocity_stream.py",
     "adapters/fleet_mavlink/test_flight.py",
     "adapters/fleet_mavlink/test_flight_list.py",
@@ -68,6 +75,8 @@ WAITS = {"socket.bind", "socket.connect", "subprocess.Popen", "os.posix_spawn", 
 """Audit events of what a test of the fast tier must not do; the event loop's own socket pair is none."""
 SOAK = 50
 """How many times as many examples Hypothesis tries with ``--soak``."""
+FAST_SHARE = 0.2
+"""Which share of its examples Hypothesis tries with ``--fast``."""
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
@@ -102,17 +111,19 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
         if item.get_closest_marker("real_time"):
             item.add_marker(pytest.mark.xdist_group(REAL_TIME))
     items.sort(key=lambda item: (item.get_closest_marker("real_time") is None, item.path.parent != SYSTEM))
-    if config.getoption("--fast"):
-        chosen = [item for item in items if is_fast(item)]
-        config.hook.pytest_deselected(items=[item for item in items if not is_fast(item)])
-        items[:] = chosen
-    if config.getoption("--soak"):
-        for item in items:
-            lengthen(getattr(item, "obj", None))
+    fast, soak = config.getoption("--fast"), config.getoption("--soak")
+    chosen = [item for item in items if is_fast(item)] if fast else list(items)
+    chosen = chosen if soak else each_value_once(chosen)
+    kept = set(chosen)
+    config.hook.pytest_deselected(items=[item for item in items if item not in kept])
+    items[:] = chosen
+    if fast or soak:
+        for test in {getattr(item, "obj", None) for item in items}:
+            scale_examples(test, SOAK if soak else FAST_SHARE)
 
 
-def lengthen(test: object) -> None:
-    """Have Hypothesis try a test with more examples, others each time.
+def scale_examples(test: object, factor: float) -> None:
+    """Have Hypothesis try a test with more examples, others each time, or with fewer.
 
     Its ``settings`` decorator cannot be put on twice.
     """
@@ -120,8 +131,34 @@ def lengthen(test: object) -> None:
     if not getattr(function, "is_hypothesis_test", False):
         return
     own = getattr(function, "_hypothesis_internal_use_settings", None) or settings()
-    more = settings(own, max_examples=SOAK * own.max_examples, derandomize=False)
-    function._hypothesis_internal_use_settings = more
+    count = max(1, round(factor * own.max_examples))
+    function._hypothesis_internal_use_settings = settings(
+        own, max_examples=count, derandomize=own.derandomize and factor <= 1
+    )
+
+
+def each_value_once(items: list[pytest.Item]) -> list[pytest.Item]:
+    """Leave out combinations of a test with the mark ``combinations``, so that each value is still tried."""
+    left_out: set[pytest.Item] = set()
+    for _, group in itertools.groupby(items, key=lambda item: item.nodeid.partition("[")[0]):
+        tests = list(group)
+        if tests[0].get_closest_marker("combinations"):
+            left_out.update(set(tests) - set(covering(tests)))
+    return [item for item in items if item not in left_out]
+
+
+def covering(tests: list[pytest.Item]) -> Iterator[pytest.Item]:
+    """Yield few of a test's combinations, in which each value of each parameter is: always the same ones."""
+    values = {
+        test: {(name, id(value)) for name, value in test.callspec.params.items()}
+        for test in tests
+        if isinstance(test, pytest.Function)
+    }
+    missing = set().union(*values.values())
+    while missing:
+        best = max(tests, key=lambda test: len(values[test] & missing))
+        missing -= values[best]
+        yield best
 
 
 class Waiting:

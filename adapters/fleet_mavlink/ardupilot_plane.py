@@ -6,9 +6,9 @@ import math
 from collections.abc import Mapping
 from typing import ClassVar
 
-from fleet import GeoOrigin, GeoPoint, Vector3, Velocity, geo_from_world
+from fleet import GeoOrigin, GeoPoint, NotReady, Refused, Vector3, Velocity, geo_from_world
 from fleet_mavlink.ardupilot_flavour import ArduPilotFlavour
-from fleet_mavlink.constants import NAN, VTOL_HOVERS, Cmd, Frame
+from fleet_mavlink.constants import NAN, VTOL_GOES_FORWARD, VTOL_HOVERS, Cmd, Frame
 from fleet_mavlink.flavour import Flavour
 from fleet_mavlink.messages import Ask, CommandInt, CommandLong
 from fleet_mavlink.state import VehicleState
@@ -16,8 +16,13 @@ from fleet_mavlink.vehicle_kind import Brake
 from fleet_mavlink.vocabulary import HOVERING, NO_VELOCITIES, UNSET_QUADPLANE
 from fleet_mavlink.wings import Winged
 
+GUIDED_HOVERS, _ASSIST = "Q_GUIDED_MODE", "Q_ASSIST_SPEED"
+_ABOVE_ASSIST = 2.0  # m/s
+_BY_ROTORS = frozenset({"QSTABILIZE", "QHOVER", "QLOITER", "QLAND", "QRTL", "QAUTOTUNE", "QACRO"})
 _CHANGE_MODE = 1.0  # param2 of DO_REPOSITION
 _BRAKING = 2.0  # m/s2 at which a QuadPlane comes to stand (Q_TRANS_DECEL)
+_NEAR = 0.9 * 1.5  # stopping distances from its cruise airspeed, up to which it surely hovers to a place
+_PULLED, _PULLS = 8.0, 3.2  # m, and s of its way, that it goes on when its transition is broken off
 _FRESH = 1.5  # s between its position and its heartbeat
 _FASTEST_HOVER = 10.0  # m/s that are projected; what is faster flies on its wings
 
@@ -75,6 +80,19 @@ class _ArduPlane(ArduPilotFlavour):
         """Planes have their own."""
         return "arduplane"
 
+    def goes_on(self, speed: float) -> float:
+        """Return how far it goes on before it stands in its hover, m; what is faster flies on its wings."""
+        return min(speed, _FASTEST_HOVER) * speed / (2 * _BRAKING)
+
+    def to_stand(self, here: GeoPoint, velocity: Vector3 | None) -> CommandInt:
+        """Return the way to where it comes to stand that moves at a velocity (NED, m/s)."""
+        speed = velocity.horizontal() if velocity is not None else 0.0
+        if velocity is None or not 0.0 < speed < math.inf:
+            return reposition(here)
+        seconds = self.goes_on(speed) / speed
+        ahead = Vector3(velocity.y * seconds, velocity.x * seconds, 0.0)
+        return reposition(geo_from_world(GeoOrigin(here.latitude, here.longitude, here.altitude), ahead))
+
     def go_command(
         self,
         to: GeoPoint,
@@ -101,7 +119,7 @@ class ArduPlane(Winged, _ArduPlane):
     @property
     def settings(self) -> tuple[str, ...]:
         """The parameters by which it is moved; a plane without lifting rotors has no Q_GUIDED_MODE."""
-        return ("Q_GUIDED_MODE", *super().settings, "TKOFF_ALT")  # what a stop depends on comes first
+        return (GUIDED_HOVERS, *super().settings, "TKOFF_ALT")  # what a stop depends on comes first
 
     def takeoff_command(self, altitude: float, home_altitude: float) -> CommandLong:  # noqa: ARG002
         """Return the change to TAKEOFF, which climbs to TKOFF_ALT: NAV_TAKEOFF is for rotors."""
@@ -115,9 +133,54 @@ class ArduPlane(Winged, _ArduPlane):
         """Return DO_LAND_START: it lands by the landing that its mission has, and not without one."""
         return CommandLong(Cmd.DO_LAND_START)
 
-    def after_go(self, speed: float) -> CommandLong | None:
+    def after_go(self, speed: float, state: VehicleState) -> CommandLong | None:  # noqa: ARG002 - as it is
         """Return DO_CHANGE_SPEED for the airspeed."""
         return CommandLong(Cmd.DO_CHANGE_SPEED, param1=self.speed_kind, param2=speed, param3=-1.0)
+
+
+class UntoldArduPlane(ArduPlane):
+    """A plane that has not told yet whether it has rotors, and flies by them.
+
+    GUIDED is right for all: wings circle, and a QuadPlane stands there if it may. But that it is in GUIDED
+    already, on the way to a place, changes nothing: LOITER comes first then.
+    """
+
+    hold: ClassVar[str] = "GUIDED"
+
+    def hold_command(self, state: VehicleState) -> Ask:
+        """Return the change to GUIDED."""
+        return self.brakes(state)[0].ask
+
+    def brakes(self, state: VehicleState) -> tuple[Brake, ...]:
+        """Return GUIDED, or the landing of what hovers and may not stand in GUIDED; then circles."""
+        circles = super().brakes(state)
+        mode, here = self.mode_of(state), _here(state)
+        if mode in _BY_ROTORS and not state.settings.get(GUIDED_HOVERS):
+            best = Brake("QLAND", self.mode_command("QLAND"))
+        elif mode != "GUIDED":
+            best = Brake("GUIDED", self.mode_command("GUIDED"))
+        elif here is not None:
+            best = Brake("GUIDED", self.to_stand(here, state.velocity))
+        else:
+            best = Brake("GUIDED", self.mode_command("GUIDED"), first=circles[0])
+        return (best, *circles)
+
+
+class _Assisted(ArduPlane):
+    """The wings of a QuadPlane: near Q_ASSIST_SPEED its rotors help, and it goes over again and again."""
+
+    def airspeed(self, state: VehicleState, limit: float | None, wanted: float | None) -> float:
+        """Return the airspeed to fly at, m/s; raises Refused for one that its rotors do not let it keep."""
+        speed, helped = super().airspeed(state, limit, wanted), state.settings.get(_ASSIST, 0.0)
+        if helped > 0.0 and speed < helped + _ABOVE_ASSIST:
+            raise Refused(
+                f"at {speed:g} m/s its rotors help (Q_ASSIST_SPEED {helped:g}), and it is faster",
+                hint=f"give it at least {helped + _ABOVE_ASSIST:g} m/s, or a lower Q_ASSIST_SPEED",
+            )
+        return speed
+
+
+_PLANE, _UNTOLD, _WINGS = ArduPlane(), UntoldArduPlane(), _Assisted()
 
 
 class QuadPlane(_ArduPlane):
@@ -130,13 +193,16 @@ class QuadPlane(_ArduPlane):
     land: ClassVar[str] = "QLAND"
     return_home: ClassVar[str] = "QRTL"
     tolerance: ClassVar[float] = 1.5
+    forward: ClassVar[Flavour | None] = _WINGS
+    speed_kind: ClassVar[float] = _PLANE.speed_kind  # over ground it would be its slowest
+    passes: ClassVar[float] = _PLANE.passes
     transitions: ClassVar[Mapping[str, str]] = {"forward": "LOITER", "hover": "GUIDED"}
     lacking: ClassVar[Mapping[str, str]] = HOVERING
 
     @property
     def settings(self) -> tuple[str, ...]:
-        """Those of its wings, and how GUIDED flies."""
-        return ArduPlane().settings
+        """Those of its wings, how GUIDED flies, and how fast."""
+        return (*_PLANE.settings, "Q_WP_SPEED", "Q_TRANS_DECEL", _ASSIST)
 
     @property
     def failsafe_table(self) -> str:
@@ -154,7 +220,7 @@ class QuadPlane(_ArduPlane):
     def hold_command(self, state: VehicleState) -> Ask:
         """Return the way to where it comes to stand; without a position QLAND."""
         here = _here(state)
-        return self.mode_command(self.land) if here is None else reposition(_stopping(here, state.velocity))
+        return self.mode_command(self.land) if here is None else self.to_stand(here, state.velocity)
 
     def brakes(self, state: VehicleState) -> tuple[Brake, ...]:
         """Return the hold, and the landing where that is refused."""
@@ -165,9 +231,33 @@ class QuadPlane(_ArduPlane):
         """Return NAV_TAKEOFF with the rotors; its height is above where it stands."""
         return CommandInt(Cmd.NAV_TAKEOFF, frame=Frame.LOCAL_OFFSET_NED, z=-altitude)
 
-    def after_go(self, speed: float) -> CommandLong | None:  # noqa: ARG002 - Q_WP_SPEED holds
-        """Return nothing."""
-        return None
+    def after_go(self, speed: float, state: VehicleState) -> CommandLong | None:
+        """Return that of its wings for an airspeed; in its hover Q_WP_SPEED holds."""
+        slowest = state.settings.get(_PLANE.airspeeds[0], math.inf)
+        return _PLANE.after_go(speed, state) if speed >= slowest else None
+
+    def speed_to(
+        self, state: VehicleState, limit: float | None, wanted: float | None, metres: float
+    ) -> float:
+        """Return its airspeed to a far place, to a near one Q_WP_SPEED; raises for what is slower."""
+        cruise, brakes = (state.settings.get(name) for name in (_PLANE.airspeeds[1], "Q_TRANS_DECEL"))
+        own = state.settings.get("Q_WP_SPEED")
+        if cruise is None or not brakes or own is None:
+            raise NotReady("its speeds are not known yet", hint="they are read when it is met; try again")
+        near = _NEAR * cruise**2 / (2 * brakes)
+        if metres > near:
+            try:
+                return _WINGS.airspeed(state, limit, wanted)
+            except Refused as error:
+                reason = f"a goal more than {near:.0f} m away is flown on its wings: {error.reason}"
+                raise Refused(reason, hint=error.hint) from error
+        most = min(limit or math.inf, wanted or math.inf)
+        if metres > self.tolerance and own / 100 > most:
+            raise Refused(
+                f"in its hover it flies at {own / 100:g} m/s (Q_WP_SPEED), and it may fly at {most:g} m/s",
+                hint=f"set Q_WP_SPEED to {most * 100:.0f} or less",
+            )
+        return own / 100
 
 
 class QuadPlaneForward(QuadPlane):
@@ -183,6 +273,19 @@ class QuadPlaneForward(QuadPlane):
     def brakes(self, state: VehicleState) -> tuple[Brake, ...]:  # noqa: ARG002 - always the same
         """Return the modes in which it circles."""
         return tuple(Brake(mode, self.mode_command(mode)) for mode in self.braking)
+
+
+class QuadPlaneInTransition(QuadPlane):
+    """A QuadPlane that goes over to its wings: a stop breaks that off, and it hovers.
+
+    Its propeller pulls it on for a while: sent to a nearer place it goes as far, and flies back.
+    """
+
+    goes_over: ClassVar[bool] = True
+
+    def goes_on(self, speed: float) -> float:
+        """Return how far ArduPlane 4.6.3 was seen to go on, m."""
+        return _PULLED + _PULLS * speed
 
 
 class UnsetQuadPlane(QuadPlane):
@@ -206,32 +309,40 @@ class UnsetQuadPlaneForward(QuadPlaneForward):
     lacking: ClassVar[Mapping[str, str]] = UNSET_QUADPLANE
 
 
-_PLANE = ArduPlane()
-_QUADPLANES: Mapping[tuple[bool, bool], Flavour] = {
-    (True, True): QuadPlane(),
-    (True, False): UnsetQuadPlane(),
-    (False, True): QuadPlaneForward(),
-    (False, False): UnsetQuadPlaneForward(),
+class UnsetQuadPlaneInTransition(UnsetQuadPlane):
+    """The same on the way to its wings: a stop breaks that off, and lands it."""
+
+    goes_over: ClassVar[bool] = True
+
+
+_HOVER, _FORWARD, _IN_TRANSITION = QuadPlane(), QuadPlaneForward(), QuadPlaneInTransition()
+_UNSET_HOVER, _UNSET_FORWARD = UnsetQuadPlane(), UnsetQuadPlaneForward()
+_UNSET_IN_TRANSITION = UnsetQuadPlaneInTransition()
+_QUADPLANES: Mapping[int, tuple[Flavour, Flavour]] = {
+    VTOL_GOES_FORWARD: (_IN_TRANSITION, _UNSET_IN_TRANSITION),
+    **dict.fromkeys(VTOL_HOVERS, (_HOVER, _UNSET_HOVER)),
 }
+"""How it flies -> what it is then, if GUIDED hovers, and if not."""
 
 
 def arduplane_of(state: VehicleState) -> Flavour:
     """Return what an ArduPlane is now: whether it has rotors, hovers, and may be held in GUIDED."""
+    if state.vtol_state is None:
+        return _UNTOLD
     if not state.vtol_state:
         return _PLANE
-    return _QUADPLANES[state.vtol_state in VTOL_HOVERS, bool(state.settings.get("Q_GUIDED_MODE"))]
+    set_up, unset = _QUADPLANES.get(state.vtol_state, (_FORWARD, _UNSET_FORWARD))
+    return set_up if _hovers_in_guided(state) else unset
+
+
+def _hovers_in_guided(state: VehicleState) -> bool:
+    """Return whether GUIDED hovers: as it is set, and as is seen while that is not known yet."""
+    told = state.settings.get(GUIDED_HOVERS)
+    if told is not None:
+        return bool(told)
+    return state.vtol_state in VTOL_HOVERS and _PLANE.mode_of(state) == "GUIDED"
 
 
 def _here(state: VehicleState) -> GeoPoint | None:
     """Return where it is; None when that is too old to be sent there: a stop would fly it back."""
     return None if state.heartbeat_at - state.position_at > _FRESH else state.position
-
-
-def _stopping(here: GeoPoint, velocity: Vector3 | None) -> GeoPoint:
-    """Return where it comes to stand that moves at a velocity (NED, m/s)."""
-    if velocity is None:
-        return here
-    speed = velocity.horizontal()
-    seconds = min(speed, _FASTEST_HOVER) / (2 * _BRAKING) if math.isfinite(speed) else 0.0
-    ahead = Vector3(velocity.y * seconds, velocity.x * seconds, 0.0)
-    return geo_from_world(GeoOrigin(here.latitude, here.longitude, here.altitude), ahead)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from fleet import CommandError, NotReady, Refused, TimedOut
 from fleet_mavlink.commander import Commander
+from fleet_mavlink.constants import VTOL_HOVERS
 from fleet_mavlink.flavour import arm_command
 from fleet_mavlink.messages import Ask
 from fleet_mavlink.motion_effect import Effect
@@ -42,12 +43,14 @@ class Brakes:
             raise NotReady("it is not known yet what it is")
         began, speed = vehicle.now(), self._speed(vehicle.state)
         shown = await self._engage(kind) if vehicle.state.armed else "the disarming"
-        if kind.stands(vehicle.state):
-            left = max(_AT_LEAST, _WITHIN - (vehicle.now() - began))
+        left = max(_AT_LEAST, _WITHIN - (vehicle.now() - began))
+        if kind.goes_over:
+            await self._see_hover(left, shown)
+        elif kind.stands(vehicle.state):
             await self._see(speed, left, shown)
 
     def first(self) -> Ask | None:
-        """Return the command that brakes it best, None when it needs none; from any thread."""
+        """Return the command that brakes best what is not moved here, None without need; from any thread."""
         state, kind = self._vehicle.state, self._vehicle.kind
         if kind is None or not state.armed:
             return None
@@ -74,6 +77,8 @@ class Brakes:
 
     async def _take(self, brake: Brake, kind: VehicleKind) -> None:
         """Send one brake command until its mode is shown."""
+        if brake.first is not None:
+            await self._commander.ask(brake.first.ask, tries=2, effect=Effect.NONE)
         if brake.mode:
             await self._commander.enter(brake.mode, kind.mode_of, brake.ask, effect=Effect.NONE)
         else:
@@ -90,6 +95,14 @@ class Brakes:
         if now is None or before is None or now > max(before * _SLOWED, _SLOW):
             seen = "does not tell how fast it is" if now is None else f"still moves at {now:.1f} m/s"
             raise TimedOut(f"{vehicle.what} took {shown} and {seen}", hint="stop it by other means")
+
+    async def _see_hover(self, seconds: float, shown: str) -> None:
+        """Wait until a VTOL no longer goes over to its wings; raises TimedOut when it goes on."""
+        vehicle = self._vehicle
+        if not await vehicle.until(lambda state: state.vtol_state in VTOL_HOVERS, seconds):
+            raise TimedOut(
+                f"{vehicle.what} took {shown} and is not seen to hover again", hint="stop it by other means"
+            )
 
     def _speed(self, state: VehicleState) -> float | None:
         """Return its ground speed, m/s; None while it reports none."""

@@ -64,15 +64,22 @@ class Commander:
         vehicle.on_ack = self._acknowledged
 
     async def ask(
-        self, ask: Ask, *, seen: Condition | None = None, tries: int | None = None, yields: bool = False
+        self,
+        ask: Ask,
+        *,
+        seen: Condition | None = None,
+        tries: int | None = None,
+        yields: bool = False,
+        effect: Effect | None = None,
     ) -> None:
         """Send a command until it is accepted; one that ``yields`` is given up when another is asked.
 
+        ``effect`` decides whether a halt meanwhile ends it, where the command alone does not say so.
         ``seen`` detects in the vehicle's state that the command was obeyed although its answer was lost, so
         that it is not sent, and carried out, twice. Raises Refused, NotReady (temporarily rejected),
         Unsupported, TimedOut (no answer), LinkLost.
         """
-        async with Exchange(self.turns, ask, effect=effect_of(ask), yields=yields) as exchange:
+        async with Exchange(self.turns, ask, effect=effect or effect_of(ask), yields=yields) as exchange:
             sent = 0
             while True:
                 exchange.require_wanted()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from abc import abstractmethod
 from collections.abc import Mapping
 from typing import ClassVar
@@ -20,9 +21,10 @@ from fleet_mavlink.messages import (
 )
 from fleet_mavlink.state import VehicleState
 from fleet_mavlink.texts import Sentence
-from fleet_mavlink.vehicle_kind import VehicleKind
+from fleet_mavlink.vehicle_kind import Brake, VehicleKind
 from fleet_mavlink.vocabulary import ONE_WAY
 
+_SLOWEST = 0.2  # m/s
 VELOCITY_AND_YAW_RATE = 0x5C7  # type_mask: ignore everything except velocity and yaw rate
 
 
@@ -69,6 +71,7 @@ class Flavour(VehicleKind):
     checks_mission: ClassVar[float] = 0.0  # s in which a mission that was just sent may still be refused
     mission_ends: ClassVar[tuple[str, ...]] = ()  # modes to which it goes by itself after a mission
     passes: ClassVar[float] = 15.0  # m from a last place, within which it may take it for reached
+    forward: ClassVar[Flavour | None] = None  # as it flies missions, and to far places
     transitions: ClassVar[Mapping[str, str]] = {}  # way to fly -> mode that leads to it; empty: a command
 
     @property
@@ -124,11 +127,11 @@ class Flavour(VehicleKind):
     def hold_command(self, state: VehicleState) -> Ask:
         """Return the command that brakes at once and stays; the ``hold`` mode is then shown."""
 
-    def holding(self, state: VehicleState) -> tuple[str, Ask]:
-        """Return the mode that is shown after the command that brakes it as it is, and that command."""
+    def holding(self, state: VehicleState) -> Brake:
+        """Return what brakes it best, as it is."""
         if self.tries_brakes and (brakes := self.brakes(state)):
-            return brakes[0].mode, brakes[0].ask
-        return self.hold, self.hold_command(state)
+            return brakes[0]
+        return Brake(self.hold, self.hold_command(state))
 
     @abstractmethod
     def takeoff_command(self, altitude: float, home_altitude: float) -> Ask:
@@ -145,8 +148,22 @@ class Flavour(VehicleKind):
         """
 
     @abstractmethod
-    def after_go(self, speed: float) -> CommandLong | None:
+    def after_go(self, speed: float, state: VehicleState) -> CommandLong | None:
         """Return the command that must follow a go command to apply its speed, None when none must."""
+
+    def speed_to(
+        self,
+        state: VehicleState,  # noqa: ARG002 - wings have a slowest airspeed
+        limit: float | None,
+        wanted: float | None,
+        metres: float,  # noqa: ARG002 - a QuadPlane flies to a far place on its wings
+    ) -> float:
+        """Return the speed at which it is sent to a place so far away: what is wanted, within the limit.
+
+        Raises Refused for one that it cannot fly at.
+        """
+        most = limit or math.inf
+        return max(_SLOWEST, min(most, wanted or most))
 
     @abstractmethod
     def calibration_step(self, said: MavlinkMessage | Sentence) -> CalibrationStep | None:

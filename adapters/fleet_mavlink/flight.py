@@ -95,8 +95,13 @@ class Flight:
 
     async def hold(self) -> None:
         """Brake and stay; returns once the holding mode is shown."""
-        mode, command = self.flavour.holding(self.vehicle.state)
-        await self.enter(mode, command, effect=Effect.NONE)
+        require_heartbeat(self.vehicle)
+        brake = self.flavour.holding(self.vehicle.state)
+        with self.authority.asking(*brake.modes):
+            if brake.first is not None:
+                await self.commander.ask(brake.first.ask, tries=2, effect=Effect.NONE)
+            await self.commander.enter(brake.mode, self.flavour.mode_of, brake.ask, effect=Effect.NONE)
+        self.descent = ""
 
     async def hold_if_ours(self) -> None:
         """Hold after a failure, unless somebody else has the vehicle or it cannot be reached.
@@ -194,7 +199,7 @@ class Flight:
             await self.commander.send_to(go, to.altitude)
         else:
             await self.enter(flavour.goto, go)
-        following = flavour.after_go(speed)
+        following = flavour.after_go(speed, self.vehicle.state)
         if following is not None:
             await self.commander.ask(following)
 

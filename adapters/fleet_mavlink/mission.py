@@ -41,6 +41,8 @@ _COMMANDS: Mapping[str, Cmd] = {
     "loiter_unlimited": Cmd.NAV_LOITER_UNLIM,
     "loiter_turns": Cmd.NAV_LOITER_TURNS,
     "loiter_time": Cmd.NAV_LOITER_TIME,
+    "loiter_to_altitude": Cmd.NAV_LOITER_TO_ALT,
+    "land": Cmd.NAV_LAND,
     "return_to_launch": Cmd.NAV_RETURN_TO_LAUNCH,
     "land_start": Cmd.DO_LAND_START,
 }
@@ -101,6 +103,10 @@ def _item(item: PlanItem, flavour: Flavour, *, above_sea: bool) -> MissionItemIn
             made = msgspec.structs.replace(made, param1=float(item.turns), param3=radius)
         case "loiter_unlimited":
             made = msgspec.structs.replace(made, param3=radius)
+        case "loiter_to_altitude":
+            made = msgspec.structs.replace(made, param1=1.0, param2=radius)
+        case "land":
+            pass
         case _:
             made = msgspec.structs.replace(made, frame=Frame.MISSION, param4=0.0)
     return made if item.point is None else _placed(made, item.point)
@@ -143,6 +149,7 @@ class MissionPilot:
         flavour = self._flight.flavour
         home = self._home(mission)
         plan = plan_of(mission, flavour, home, *self._speeds(mission))
+        self._require_landing(mission)
         for item in mission.items:
             self._require_reachable(item, mission, home)
         surface = flavour.surface
@@ -156,7 +163,7 @@ class MissionPilot:
         if surface:
             await self._flight.arm()
         elif not self._vehicle.state.in_air:
-            height = next(item.point.altitude for item in mission.items if item.point)
+            height = next(item.point.altitude for item in mission.items if item.point and item.kind != "land")
             height -= home.altitude if mission.above_sea else 0.0
             async for progress in self._takeoff.climb(max(_LOWEST_TAKEOFF, flavour.lowest, height)):
                 yield Progress(0.0, progress.message)
@@ -170,6 +177,7 @@ class MissionPilot:
     def _speeds(self, mission: FlyMission) -> tuple[float, float]:
         """Return the fastest speed, and the first where none is asked for; raises as ``Winged.airspeed``."""
         limit, flavour, state = self._limits.speed, self._flight.flavour, self._vehicle.state
+        flavour = flavour.forward or flavour
         if not isinstance(flavour, Winged):
             return limit or math.inf, math.inf
         for wanted in (mission.constraints.max_speed, *(item.speed for item in mission.items)):
@@ -198,8 +206,8 @@ class MissionPilot:
         """
         flight, flavour = self._flight, self._flight.flavour
         # A rover that has returned stays armed, and in its mission; a plane circles over its home.
-        home_last = mission.items[-1].kind == "return_to_launch"
-        returns = home_last and not flavour.stays_at_home
+        home_last, lands = mission.items[-1].kind == "return_to_launch", _lands(mission)
+        returns = lands or (home_last and not flavour.stays_at_home)
         circles = home_last and flavour.wings and not returns
         ends = (flavour.return_home,) if returns or circles else (flavour.hold, *flavour.mission_ends)
         self._flight.give_way(flavour, flavour.mission)
@@ -214,10 +222,14 @@ class MissionPilot:
                 may_end = self._may_end(mission, watch, returns=returns)
                 if may_end:
                     flight.authority.expect_also(*ends)
-                if not (returns and not self._vehicle.state.armed):
+                if not (returns and self._is_down(mission)):
                     flight.check(flavour.mission, *(ends if may_end else ()))
+                if lands and watch.on_last:
+                    flight.descent = flavour.mission  # its landing is not broken off unasked
                 yield watch.progress()
-        if not returns and not circles:
+        if lands:
+            flight.descent = ""
+        elif not returns and not circles:
             await flight.hold()
 
     async def _start(self, flavour: Flavour, *, resumed: bool) -> None:
@@ -240,7 +252,7 @@ class MissionPilot:
         """Return whether the mission has ended: on the ground, at its last place, or with its last item."""
         state = self._vehicle.state
         if returns:
-            return watch.on_last and not state.armed
+            return watch.on_last and self._is_down(mission)
         if mission.items[-1].kind == "loiter_unlimited":
             point = mission.items[-1].point
             near = self._around + (mission.items[-1].radius or 0.0)
@@ -250,6 +262,11 @@ class MissionPilot:
             return watch.on_last and mode == flavour.return_home
         held = mode == flavour.hold
         return self._may_end(mission, watch, returns=returns) and (watch.finished or held)
+
+    def _is_down(self, mission: FlyMission) -> bool:
+        """Return whether its motors are off; after a landing that it plans, where it is not said to fly."""
+        state = self._vehicle.state
+        return not state.armed and not (_lands(mission) and state.in_air)
 
     def _may_end(self, mission: FlyMission, watch: _Progress, *, returns: bool) -> bool:
         """Return whether the vehicle may leave the mission by itself: at the last item, and at its place."""
@@ -263,7 +280,8 @@ class MissionPilot:
     def _around(self) -> float:
         """How far from a place it stays that it was told to stay at, m."""
         flavour = self._flight.flavour
-        return flavour.reach(self._vehicle.state) if isinstance(flavour, Winged) else _CLOSE
+        flies = flavour.forward or flavour
+        return flies.reach(self._vehicle.state) if isinstance(flies, Winged) else _CLOSE
 
     def _away(self, point: GeoPoint) -> float:
         """Return metres over ground to a place, infinite while the position is unknown."""
@@ -290,12 +308,29 @@ class MissionPilot:
             )
         return home
 
+    def _require_landing(self, mission: FlyMission) -> None:
+        """Raise Refused for a landing that this vehicle does not fly, or that nothing leads to."""
+        flavour = self._flight.flavour
+        if not _lands(mission):
+            return
+        if flavour.surface or flavour.transitions:
+            what = "it moves on the surface" if flavour.surface else "a VTOL lands by its rotors, and home"
+            raise Refused(f"it lands by no plan: {what}", hint="end the plan with return_to_launch")
+        if not any(item.point and item.kind != "land" for item in mission.items):
+            raise Refused("a landing must have a place before it, from which it is flown to")
+
     def _require_reachable(self, item: PlanItem, mission: FlyMission, home: GeoPoint) -> None:
         """Raise Refused for an item beyond the limits."""
         if item.point is None:
             return
-        self._flight.require_altitude(item.point.altitude + (0.0 if mission.above_sea else home.altitude))
+        if item.kind != "land":
+            self._flight.require_altitude(item.point.altitude + (0.0 if mission.above_sea else home.altitude))
         self._flight.require_distance(item.point)
+
+
+def _lands(mission: FlyMission) -> bool:
+    """Return whether a mission ends with a landing."""
+    return mission.items[-1].kind == "land"
 
 
 class _Progress:

@@ -53,7 +53,6 @@ _STUCK_AFTER = 5.0  # s without progress
 _GIVE_UP_AFTER = 30.0  # s
 _NEARER = 0.25  # m, or rad of turn, that counts as progress
 _MOST_GOALS = 1000
-_SLOWEST = 0.2  # m/s
 _ALONG = 0.01  # m sideways that a way along the nose may be off
 
 Way = GoTo | FollowPath | RelativeMove
@@ -229,7 +228,8 @@ class AutopilotNavigator:
         """Check every target, then fly to each in turn; holds after a failure."""
         for target in targets:
             self._require_reachable(target)
-        self._speed(constraints)  # raises for one that it cannot fly at
+        for one, other in itertools.pairwise((here, *(target.point for target in targets))):
+            self._speed(constraints, one, other)  # raises for one that it cannot fly at
         course = _Course(here, targets)
         nose = known_heading(self._vehicle)
         try:
@@ -254,13 +254,11 @@ class AutopilotNavigator:
         self._flight.require_altitude(target.point.altitude)
         self._flight.require_distance(target.point, self._reach)
 
-    def _speed(self, constraints: Constraints) -> float:
-        """Return the speed to fly at: what was asked, within the limit; raises as ``Winged.airspeed``."""
-        flavour = self._flight.flavour
-        if isinstance(flavour, Winged):
-            return flavour.airspeed(self._vehicle.state, self._limits.speed, constraints.max_speed)
-        limit = self._limits.speed or math.inf
-        return max(_SLOWEST, min(limit, constraints.max_speed or limit))
+    def _speed(self, constraints: Constraints, one: GeoPoint, other: GeoPoint) -> float:
+        """Return the speed from one place to another: what was asked, within the limit; may raise Refused."""
+        flight, away = self._flight, _offset(one, other).horizontal()
+        state, limit = self._vehicle.state, self._limits.speed
+        return flight.flavour.speed_to(state, limit, constraints.max_speed, away)
 
     async def _fly(
         self, target: NavigationTarget, nose: float, leg: int, course: _Course, constraints: Constraints
@@ -270,7 +268,8 @@ class AutopilotNavigator:
         goto = flight.flavour.goto
         own = flight.flavour.tolerance
         tolerance = own if flight.flavour.wings else constraints.tolerance or own
-        await flight.go(target.point, self._speed(constraints), nose, backwards=target.backwards)
+        speed = self._speed(constraints, known_position(self._vehicle), target.point)
+        await flight.go(target.point, speed, nose, backwards=target.backwards)
         yield course.progress(leg, self._left(target), "on the way")
         async for blocked in self._until(target, tolerance, goto, turned=False):
             yield course.progress(leg, self._left(target), "on the way", blocked=blocked)

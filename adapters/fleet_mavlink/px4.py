@@ -11,6 +11,7 @@ from fleet_mavlink.constants import NAN, Cmd, Frame
 from fleet_mavlink.flavour import CalibrationStep, Flavour
 from fleet_mavlink.messages import CommandInt, CommandLong, MavlinkMessage
 from fleet_mavlink.px4_kinds import Px4Kind
+from fleet_mavlink.state import VehicleState
 from fleet_mavlink.texts import Sentence
 
 _CHANGE_MODE = 1.0  # param2 of DO_REPOSITION
@@ -70,8 +71,8 @@ class Px4(Px4Kind, Flavour):
             z=to.altitude,
         )
 
-    def after_go(self, speed: float) -> CommandLong | None:  # noqa: ARG002 - told by the go command
-        """Return nothing."""
+    def after_go(self, speed: float, state: VehicleState) -> CommandLong | None:  # noqa: ARG002
+        """Return nothing: the go command tells it."""
         return None
 
     def calibration_step(self, said: MavlinkMessage | Sentence) -> CalibrationStep | None:

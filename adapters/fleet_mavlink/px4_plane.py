@@ -6,13 +6,16 @@ from collections.abc import Mapping
 from typing import ClassVar
 
 from fleet import GeoPoint
-from fleet_mavlink.constants import NAN, VTOL_HOVERS, VTOLS
+from fleet_mavlink.constants import NAN, VTOL_GOES_FORWARD, VTOL_HOVERS, VTOLS, Cmd
 from fleet_mavlink.flavour import Flavour
-from fleet_mavlink.messages import CommandInt
+from fleet_mavlink.messages import CommandInt, CommandLong
 from fleet_mavlink.px4 import Px4
 from fleet_mavlink.state import VehicleState
+from fleet_mavlink.vehicle_kind import Brake
 from fleet_mavlink.vocabulary import WINGS_AND_ROTORS
 from fleet_mavlink.wings import Winged
+
+_HOVERS = 3  # MAV_VTOL_STATE
 
 
 class Px4Plane(Winged, Px4):
@@ -51,11 +54,26 @@ class Px4VtolForward(Px4Plane):
     lacking: ClassVar[Mapping[str, str]] = WINGS_AND_ROTORS
 
 
-_PLANE, _HOVER, _FORWARD = Px4Plane(), Px4Vtol(), Px4VtolForward()
+class Px4VtolInTransition(Px4VtolForward):
+    """A VTOL that goes over to its wings: a stop breaks that off, then it stands where it is."""
+
+    tries_brakes: ClassVar[bool] = True
+    goes_over: ClassVar[bool] = True
+
+    def brakes(self, state: VehicleState) -> tuple[Brake, ...]:
+        """Return the way back to its hover and the hold; the hold alone where that is not taken."""
+        back = Brake(self.hold, CommandLong(Cmd.DO_VTOL_TRANSITION, param1=float(_HOVERS)))
+        hold = self.hold_command(state)
+        return Brake(self.hold, hold, first=back), Brake(self.hold, hold)
+
+
+_PLANE, _HOVER, _FORWARD, _IN_TRANSITION = Px4Plane(), Px4Vtol(), Px4VtolForward(), Px4VtolInTransition()
 
 
 def px4_plane_of(vehicle_type: int, state: VehicleState) -> Flavour:
     """Return what a plane or VTOL on PX4 is now; one that has not told how it flies is taken for wings."""
     if vehicle_type not in VTOLS:
         return _PLANE
+    if state.vtol_state == VTOL_GOES_FORWARD:
+        return _IN_TRANSITION
     return _HOVER if state.vtol_state in VTOL_HOVERS else _FORWARD

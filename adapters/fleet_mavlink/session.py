@@ -23,7 +23,7 @@ from fleet_mavlink.braking import Brakes
 from fleet_mavlink.camera import Camera
 from fleet_mavlink.commander import Commander, Timing
 from fleet_mavlink.compass import Compass
-from fleet_mavlink.config import MavlinkConfig, Timeouts
+from fleet_mavlink.config import MavlinkConfig
 from fleet_mavlink.constants import AUTOPILOT
 from fleet_mavlink.event_metadata import EventKeeper
 from fleet_mavlink.failsafe_causes import FailsafeCause, position_troubles
@@ -51,7 +51,7 @@ from fleet_mavlink.streams import Streams
 from fleet_mavlink.takeoff import TakeOff
 from fleet_mavlink.texts import Sentence
 from fleet_mavlink.turns import Superseded
-from fleet_mavlink.vehicle import Vehicle, lacking_of
+from fleet_mavlink.vehicle import Vehicle, circle_of, lacking_of
 from fleet_mavlink.velocity_stream import PERIOD, VelocityStream
 from fleet_mavlink.wing_settings import WingSettings
 
@@ -77,7 +77,8 @@ class VehicleSession:
         self._unstopped = ""  # why the last stop failed
         self._lacking: Mapping[str, str] | None = None  # what the host was told in this attempt
         self.authority = Authority(self._authority_lost)
-        self.commander = Commander(vehicle, _timing(config.timeouts))
+        waits = config.timeouts
+        self.commander = Commander(vehicle, Timing(waits.answer, waits.tries, waits.working))
         self.flight = Flight(vehicle, self.commander, self.authority, limits, self._give_way)
         self.driver = VelocityStream(
             vehicle,
@@ -215,7 +216,7 @@ class VehicleSession:
         if flavour is None:
             await self.brakes.brake()
         elif flavour.surface or (flavour.tries_brakes and self.vehicle.state.armed):
-            with self.authority.asking(*(brake.mode for brake in flavour.brakes(self.vehicle.state))):
+            with self.authority.asking(*flavour.brake_modes(self.vehicle.state)):
                 await self.brakes.brake()
         elif self.vehicle.state.armed:
             await self.flight.hold()
@@ -259,9 +260,9 @@ class VehicleSession:
         if self.vehicle.connected:
             pending = self.commander.turns.current
             goes_on = pending is not None and not pending.superseded  # a landing: its mode is still to come
-            mode, ask = flavour.holding(state)
-            (self.authority.expect_also if goes_on else self.authority.expect)(mode)
-            messages.append(self.commander.addressed(ask))
+            best = flavour.holding(state)
+            (self.authority.expect_also if goes_on else self.authority.expect)(*best.modes)
+            messages += map(self.commander.addressed, best.asks)
         self._hub.send_from_any_thread(messages, self.vehicle)
 
     async def setup_signing(self) -> None:
@@ -354,6 +355,7 @@ class VehicleSession:
         if lacking != self._lacking:
             self._lacking = lacking
             self._robot.lacks(lacking)
+        self._robot.circles(circle_of(vehicle.state))
         if vehicle.flavour is not None:
             self.authority.observe(vehicle.state, vehicle.flavour, self._cause.text)
         self._robot.health(self._health())
@@ -393,8 +395,3 @@ class VehicleSession:
         self._tasks.add(task)
         task.add_done_callback(self._tasks.discard)
         return task
-
-
-def _timing(timeouts: Timeouts) -> Timing:
-    """Return how long commands wait, as the config says."""
-    return Timing(answer=timeouts.answer, tries=timeouts.tries, working=timeouts.working)

@@ -60,7 +60,10 @@ SETTINGS = frozenset(
         "FW_AIRSPD_MIN",
         "FW_AIRSPD_TRIM",
         "NAV_LOITER_RAD",
+        "Q_ASSIST_SPEED",
         "Q_GUIDED_MODE",
+        "Q_TRANS_DECEL",
+        "Q_WP_SPEED",
         "TKOFF_ALT",
         "WP_LOITER_RAD",
     }
@@ -106,7 +109,7 @@ class VehicleState(msgspec.Struct, frozen=True):
     boot_ms: int | None = None
     reboots: int = 0
     landed: Landed = Landed.UNDEFINED
-    vtol_state: int = 0  # MAV_VTOL_STATE
+    vtol_state: int | None = None  # MAV_VTOL_STATE, 0 of what is no VTOL; None: not told since it is heard
     position: GeoPoint | None = None  # altitude AMSL
     position_at: float = -math.inf
     relative_altitude: float | None = None  # m above home, as the autopilot says
@@ -244,6 +247,8 @@ def _heartbeat(state: VehicleState, message: Heartbeat, now: float) -> dict[str,
     if state.heartbeat is None:
         beats = _BEATS_TO_RETURN  # the first contact counts at once; only a return needs a second heartbeat
     news: dict[str, object] = {"heartbeat": message, "heartbeat_at": now, "beats": beats}
+    if now - state.heartbeat_at > SILENCE:
+        news["vtol_state"] = None  # it may fly otherwise by now
     was_up = state.heartbeat is not None and state.heartbeat.system_status > Status.CALIBRATING
     # PX4 says UNINIT also of a vehicle that is up and may not arm just now; ArduPilot says BOOT at boot only.
     if was_up and message.system_status == Status.BOOT:

@@ -45,9 +45,9 @@ def wanted_rates(
     """Return message id -> Hz; ``pose`` is the rate of position and attitude; 0 is not asked for."""
     sensors = {kind.imu: imu, kind.motors: motors}
     return {
+        ExtendedSysState.message_id: 2.0,  # a stop of a VTOL depends on it
         Attitude.message_id: pose,
         GlobalPositionInt.message_id: pose,
-        ExtendedSysState.message_id: 2.0,
         SysStatus.message_id: 1.0,
         GpsRawInt.message_id: 1.0,
         HomePosition.message_id: 1.0,
@@ -90,7 +90,15 @@ class Streams:
             kind = self._vehicle.kind
             if self._vehicle.connected and not self._vehicle.clashing and kind is not None:
                 await self._ask_for_missing(kind)
+            await self._look_again()
+
+    async def _look_again(self) -> None:
+        """Wait for the next look; what is not heard is looked at as soon as it is."""
+        vehicle = self._vehicle
+        if vehicle.connected:
             await asyncio.sleep(_LOOK)
+        else:
+            await vehicle.until(lambda state: state.connected(vehicle.now()), _LOOK)
 
     def _forget(self) -> None:
         """Start over: the vehicle has lost its rates."""

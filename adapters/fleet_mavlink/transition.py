@@ -2,25 +2,25 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import AsyncIterator, Mapping
 from typing import Literal
 
-from fleet import Progress, TimedOut, command
-from fleet_mavlink.ardupilot_plane import ArduPlane
-from fleet_mavlink.constants import Cmd
+from fleet import Progress, Refused, TimedOut, command
+from fleet_mavlink.constants import VTOL_GOES_FORWARD, Cmd
 from fleet_mavlink.flight import Flight
 from fleet_mavlink.messages import CommandLong
 from fleet_mavlink.preconditions import require_control, require_has, require_movable
 from fleet_mavlink.px4_plane import Px4Plane
 from fleet_mavlink.session_adapter import SessionAdapter
 from fleet_mavlink.state import VehicleState
-from fleet_mavlink.wings import Winged
 
 To = Literal["hover", "forward"]
 _FLIES: Mapping[To, int] = {"hover": 3, "forward": 4}  # MAV_VTOL_STATE
+_GOES: Mapping[To, int] = {"hover": 2, "forward": VTOL_GOES_FORWARD}
 _WITHIN = 60.0  # s
 _POLL = 0.5  # s between checks
-_WINGS: Mapping[str, Winged] = {"ardupilot": ArduPlane(), "px4": Px4Plane()}
+_PX4 = Px4Plane()
 
 
 class TransitionCommands(SessionAdapter):
@@ -33,6 +33,21 @@ class TransitionCommands(SessionAdapter):
             yield progress
 
 
+async def _begin(flight: Flight, to: To) -> None:
+    """Ask for a transition, unless the vehicle is in it already."""
+    vehicle, flavour = flight.vehicle, flight.flavour
+    mode = flavour.transitions[to]
+    flight.give_way(flavour, mode or flavour.hold)
+    if mode:
+        await flight.enter(mode)
+        return
+    if vehicle.state.vtol_state == _GOES[to] and flight.mode(vehicle.state) == flavour.hold:
+        return
+    await flight.hold()
+    ask = CommandLong(Cmd.DO_VTOL_TRANSITION, param1=float(_FLIES[to]))
+    await flight.commander.ask(ask, seen=lambda state: state.vtol_state in {_GOES[to], _FLIES[to]})
+
+
 async def transition(flight: Flight, to: To) -> AsyncIterator[Progress]:
     """Go over to another way to fly, here; raises the refusal, and TimedOut when it is not seen to."""
     vehicle, authority = flight.vehicle, flight.authority
@@ -41,24 +56,21 @@ async def transition(flight: Flight, to: To) -> AsyncIterator[Progress]:
     require_movable(vehicle, authority)
     flavour = flight.flavour
     if to == "forward":
-        _WINGS[flavour.name].airspeed(vehicle.state, flight.fastest, None)
+        wings = flavour.forward or _PX4
+        wings.speed_to(vehicle.state, flight.fastest, None, math.inf)
 
     def flies(state: VehicleState) -> bool:
         return state.vtol_state == _FLIES[to]
 
     if not flies(vehicle.state):
         mode = flavour.transitions[to]
-        flight.give_way(flavour, mode or flavour.hold)
-        if mode:
-            await flight.enter(mode)
-        else:
-            await flight.hold()
-            await flight.commander.ask(
-                CommandLong(Cmd.DO_VTOL_TRANSITION, param1=float(_FLIES[to])), seen=flies
-            )
-        by = vehicle.now() + _WITHIN
+        await _begin(flight, to)
+        by, begun = vehicle.now() + _WITHIN, False
         while not await vehicle.until(flies, _POLL):
             flight.check(mode or flavour.hold)
+            begun = begun or vehicle.state.vtol_state == _GOES[to]
+            if begun and vehicle.state.vtol_state != _GOES[to]:
+                raise Refused("the transition was broken off")
             if vehicle.now() > by:
                 raise TimedOut(f"it was not seen to fly {to} in {_WITHIN:g} s")
             yield Progress(50.0, "in transition")

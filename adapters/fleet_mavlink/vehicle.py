@@ -26,6 +26,7 @@ from fleet_mavlink.state import SILENCE, VehicleState, reduce
 from fleet_mavlink.texts import Joiner, Sentence
 from fleet_mavlink.vehicle_kind import VehicleKind
 from fleet_mavlink.vocabulary import OF_A_MOVED_VEHICLE
+from fleet_mavlink.wings import Winged
 
 _REMEMBERED = 64  # texts kept
 _SAME_WITHIN = 1.0  # s between an event and a text with the same content
@@ -247,6 +248,16 @@ def what_is(heartbeat: Heartbeat) -> str:
 def not_moved(heartbeat: Heartbeat) -> str:
     """Return what is said of a vehicle that is not moved here."""
     return f"it is {what_is(heartbeat)}, which is not moved here: it is watched, and stopped"
+
+
+def circle_of(state: VehicleState) -> float:
+    """Return within how many metres of its end a vehicle circles; 0 for one that stands."""
+    flavour = flavour_of(state.heartbeat, state) if state.heartbeat else None
+    if flavour is None:
+        return 0.0
+    flies_so = state.in_air and not flavour.stands(state)
+    wings = flavour.forward if flavour.forward is not None and flies_so else flavour
+    return wings.reach(state) if isinstance(wings, Winged) else 0.0
 
 
 def lacking_of(state: VehicleState) -> Mapping[str, str]:

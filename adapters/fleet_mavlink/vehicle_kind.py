@@ -13,10 +13,24 @@ from fleet_mavlink.state import VehicleState
 
 
 class Brake(msgspec.Struct, frozen=True):
-    """One way to brake: the command, and the mode that the heartbeat shows once it was obeyed."""
+    """One way to brake: the command, and the mode that the heartbeat shows once it was obeyed.
+
+    ``first``: what must be taken before it, or it does not brake.
+    """
 
     mode: str
     ask: Ask
+    first: Brake | None = None
+
+    @property
+    def asks(self) -> tuple[Ask, ...]:
+        """The commands, in order."""
+        return (*(self.first.asks if self.first else ()), self.ask)
+
+    @property
+    def modes(self) -> tuple[str, ...]:
+        """The modes that may be shown on the way, and at its end."""
+        return (*(self.first.modes if self.first else ()), self.mode)
 
 
 class VehicleKind(ABC):
@@ -30,6 +44,7 @@ class VehicleKind(ABC):
     data_streams: ClassVar[tuple[int, ...]]  # for REQUEST_DATA_STREAM, empty where it is not obeyed
     bytewise_parameters: ClassVar[bool]  # integers are sent as their bits, not as a number
     may_be_disarmed: ClassVar[bool] = False  # to switch its motors off lets nothing fall
+    goes_over: ClassVar[bool] = False  # to its wings: it has braked when it is seen to hover again
 
     def mode_name(self, custom_mode: int) -> str:
         """Return the name of a mode, or its number when it has none here."""
@@ -46,6 +61,10 @@ class VehicleKind(ABC):
     @abstractmethod
     def brakes(self, state: VehicleState) -> tuple[Brake, ...]:
         """Return the ways to brake it, the best first; the next is tried when one is refused."""
+
+    def brake_modes(self, state: VehicleState) -> tuple[str, ...]:
+        """Return the modes that may be shown while it is braked, or tried to be."""
+        return tuple(mode for brake in self.brakes(state) for mode in brake.modes)
 
     def stands(self, state: VehicleState) -> bool:  # noqa: ARG002 - a VTOL's depends on it
         """Return whether it stands still once it has braked: wings cannot."""

@@ -23,17 +23,22 @@ class WingSettings:
         while True:
             while not await vehicle.until(self._is_met, _FOREVER):
                 vehicle.log.debug("nothing with wings is met")
-            reboots = vehicle.state.reboots
+            before = vehicle.state.reboots, self._wanted
             for name in self._wanted:
-                await self._read(name)
-            await vehicle.restarted(reboots, _FOREVER if self._is_known else _AGAIN)
+                if name not in vehicle.state.settings:
+                    await self._read(name)
+
+            def is_another(state: VehicleState, before: tuple[int, tuple[str, ...]] = before) -> bool:
+                return (state.reboots, self._wanted) != before
+
+            await vehicle.until(is_another, _FOREVER if self._is_known else _AGAIN)
 
     @property
     def _is_known(self) -> bool:
         """Whether all is known; one that is lost on the way looks like one that does not exist."""
         state = self._vehicle.state
         has_rotors = bool(state.vtol_state)
-        return all(name in state.settings for name in self._wanted if name != "Q_GUIDED_MODE" or has_rotors)
+        return all(name in state.settings for name in self._wanted if has_rotors or not name.startswith("Q_"))
 
     @property
     def _wanted(self) -> tuple[str, ...]:

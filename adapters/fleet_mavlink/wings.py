@@ -47,6 +47,16 @@ class Winged(Flavour):
         """Refuse every velocity."""
         return ON_WINGS
 
+    def speed_to(
+        self,
+        state: VehicleState,
+        limit: float | None,
+        wanted: float | None,
+        metres: float,  # noqa: ARG002 - it flies to any place on its wings
+    ) -> float:
+        """Return the airspeed."""
+        return self.airspeed(state, limit, wanted)
+
     def radius(self, state: VehicleState) -> float:
         """Return the radius at which it circles, m."""
         return abs(state.settings.get(self.circle, _WIDE)) or _WIDE

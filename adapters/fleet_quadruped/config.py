@@ -8,9 +8,11 @@ from typing import Annotated, Literal
 
 from pydantic import AfterValidator, Field, model_validator
 
-from fleet import AdapterConfig, BusText, CameraText, ExistingPath, NewPath
+from fleet import AdapterConfig, BodyPart, BusText, CameraText, ExistingPath, NewPath
 from fleet.sim.faults import parse_faults
-from fleet_quadruped.robot.description import EXAMPLE
+from fleet_quadruped.any_description import load_body
+from fleet_quadruped.robot.description import EXAMPLE, DogDescription
+from fleet_quadruped.robot.drawing import body_parts
 from fleet_quadruped.sim.faults import ALL_FAULTS, WALKER_FAULTS
 from fleet_quadruped.sim.worlds import WORLDS
 
@@ -65,6 +67,11 @@ class QuadrupedConfig(AdapterConfig):
     def body_file(self) -> Path:
         """The description to load: what was given, else the example dog's."""
         return self.body or EXAMPLE
+
+    def body_parts(self) -> tuple[BodyPart, ...]:
+        """Return trunk and legs; nothing is known of those of a machine that walks by itself."""
+        dog = load_body(self.body_file)
+        return body_parts(dog) if isinstance(dog, DogDescription) else ()
 
     @property
     def captures_folder(self) -> Path:

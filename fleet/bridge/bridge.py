@@ -46,7 +46,7 @@ class BridgeRules(msgspec.Struct, frozen=True):
     ``ignored_edges`` are edges whose heartbeat does not claim a twin.
     """
 
-    twins: Mapping[str, Rulebook]
+    twins: dict[str, Rulebook]
     environments: Mapping[str, Rulebook] = {}
     any_run: Rulebook | None = None
     ignored_edges: frozenset[str] = frozenset()
@@ -67,7 +67,7 @@ class Bridge:
         self,
         settings: CloudSettings,
         topics: Topics,
-        ports: Mapping[str, RobotPort],
+        ports: dict[str, RobotPort],
         *,
         edge: str,
         rules: BridgeRules,
@@ -80,12 +80,17 @@ class Bridge:
     ) -> None:
         self._topics = topics
         self._ports = ports
+        self._rules = rules
         self._alive = alive
         self._clock = clock
         self._settings = settings
         self.session = session = settings.client_id or client_id("fleet", simulated=False)
         self.refusals = RateLimitedCounter(log, clock)
-        self.voice = EdgePublisher(topics, edge=edge, session=session, publish=self._publish, clock=clock)
+
+        def publish(topic: str, payload: bytes, **how: Any) -> bool:
+            return self.client.publish(topic, payload, **how)  # it is built after those that publish
+
+        self.voice = EdgePublisher(topics, edge=edge, session=session, publish=publish, clock=clock)
         self._held: dict[str, str] = {}
         self.streams = OwnedStreams(ports, self.refusals, clock)
         self._conflicts = TwinConflictMonitor(
@@ -101,7 +106,9 @@ class Bridge:
             send=self.voice.answer,
             put=put,
             own={
-                "edge_health": self._heard_heartbeat,
+                "edge_health": lambda topic, message: self._conflicts.heard(
+                    topic.twin, read_heartbeat(message.payload)
+                ),
                 "ping:request": self._heard_ping,
                 "pong:response": self._heard_pong,
                 **handlers,
@@ -118,11 +125,16 @@ class Bridge:
             clock=clock,
             spool=spool,
         )
+        self._infos = _infos(ports, rules)
+
+        def open_way(topic: str, rule: TopicRule) -> Way:
+            return self.client.way(topic, qos=rule.qos, traffic=rule.traffic, expiry=rule.max_age or None)
+
         self.uplink = Uplink(
             topics,
-            _infos(ports, rules),
+            self._infos,
             session=session,
-            open_way=self._open_way,
+            open_way=open_way,
             client=self.client,
             alive=alive,
             waiting=lambda: self.client.stats.queued_bytes,
@@ -153,6 +165,40 @@ class Bridge:
                 self.voice.tell(port, TELEMETRY_END, {})
         self.client.close()
 
+    def join(self, port: RobotPort, rules: Rulebook) -> None:
+        """Serve a twin from now on, or another robot of a twin that is served; on the loop."""
+        before = self._ports.get(port.twin)
+        if before is None:
+            self.streams.join(port.twin)
+        elif before.name != port.name:
+            self.downlink.leave(port.twin, before.name)
+        self._rules.twins[port.twin] = rules
+        self._infos[port.twin] = TwinInfo(port.name, port.source_type, rules)
+        self._ports[port.twin] = port
+        self.downlink.join(port, rules)
+        self.uplink.drop(port.twin)
+        self._resubscribe()
+
+    def leave(self, twin: str) -> None:
+        """Serve a twin no more, and say that it is disconnected; on the loop."""
+        port = self._ports[twin]
+        if twin not in self._held:
+            self.voice.tell(port, "disconnected", {"reason": "the edge has it no more"})
+        for table in (self._ports, self._rules.twins, self._infos):
+            table.pop(twin)
+        self._held.pop(twin, None)
+        self.uplink.held, self.downlink.held = frozenset(self._held), dict(self._held)
+        self.downlink.leave(twin, port.name)
+        self.uplink.drop(twin)
+        self.streams.leave(twin)
+        self._resubscribe()
+
+    def _resubscribe(self) -> None:
+        """Hear what is for the twins that are served now."""
+        self._pings = any("pong:response" in book.inward for book in self._rules.twins.values())
+        self.client.resubscribe(subscriptions(self._topics, self._rules))
+        self.client.flush_queued()
+
     def heard(self, samples: Iterable[tuple[str, bytes]]) -> None:
         """Take what others said on the bus, by key; on the bus's thread. Events of it leave at once."""
         for key, sample in samples:
@@ -172,7 +218,7 @@ class Bridge:
 
     def hold(self, twin: str, holder: str) -> bool:
         """Leave a twin to another edge, or take it back when ``holder`` is empty; False: it is so already."""
-        if holder == self._held.get(twin, ""):
+        if twin not in self._ports or holder == self._held.get(twin, ""):
             return False
         if holder:
             self._held[twin] = holder
@@ -211,22 +257,14 @@ class Bridge:
 
     def _will(self) -> Will | None:
         """Return what the broker says when we vanish; a connection has one will, so for one twin."""
-        for port in self._ports.values():
+        for port in list(self._ports.values()):
             topic, payload = self.voice.telemetry(port, "disconnected", {"reason": "the edge vanished"})
             return Will(topic, payload, qos=1)
         return None
 
     def _served(self) -> list[RobotPort]:
         """Return the robots whose twins no other edge has."""
-        return [port for twin, port in self._ports.items() if twin not in self._held]
-
-    def _publish(self, topic: str, payload: bytes, **how: Any) -> bool:
-        """Publish by the client, which is built after those that publish."""
-        return self.client.publish(topic, payload, **how)
-
-    def _open_way(self, topic: str, rule: TopicRule) -> Way:
-        """Return the way of messages to a topic by a rule; any thread."""
-        return self.client.way(topic, qos=rule.qos, traffic=rule.traffic, expiry=rule.max_age or None)
+        return [port for twin, port in list(self._ports.items()) if twin not in self._held]
 
     def _ping(self) -> None:
         """Ask how far the cloud is, by the first twin."""
@@ -237,16 +275,12 @@ class Bridge:
     def _heard_ping(self, topic: Topic, message: CloudMessage) -> None:
         """Answer a ping at one of our twins."""
         check_ping(message.payload)
-        if topic.twin not in self._held:
+        if topic.twin in self._ports and topic.twin not in self._held:
             self.voice.pong(self._ports[topic.twin])
 
     def _heard_pong(self, _topic: Topic, message: CloudMessage) -> None:
         """Take the cloud's answer to our ping."""
         self.round_trip.heard(message.payload)
-
-    def _heard_heartbeat(self, topic: Topic, message: CloudMessage) -> None:
-        """Take the heartbeat of another edge for one of our twins."""
-        self._conflicts.heard(topic.twin, read_heartbeat(message.payload))
 
     def _tell_gap(self, gap: Gap) -> None:
         """Say on the twin's telemetry that messages of a topic were lost."""

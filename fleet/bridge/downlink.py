@@ -80,7 +80,7 @@ class Downlink:
         topics: Topics,
         ports: Mapping[str, RobotPort],
         *,
-        books: Mapping[str, Rulebook],
+        books: dict[str, Rulebook],
         any_run: Rulebook | None = None,
         session: str,
         send: PublishReply,
@@ -110,6 +110,23 @@ class Downlink:
         self.received: Counter[str] = Counter()
         self.answered: Counter[str] = Counter()
         self.latencies: dict[str, Latencies] = {port.name: Latencies() for port in ports.values()}
+
+    def join(self, port: RobotPort, book: Rulebook) -> None:
+        """Take what is for a twin from now on to its new robot; messages of before go where they were to."""
+        self.latencies[port.name] = Latencies()
+        self._books[port.twin] = book
+        self._forget(port.twin)
+
+    def leave(self, twin: str, name: str) -> None:
+        """Take nothing more for a twin; the figures of its robot end."""
+        self._books.pop(twin, None)
+        self._forget(twin)
+        self.latencies.pop(name, None)
+
+    def _forget(self, twin: str) -> None:
+        """Find the ways of a twin's topics anew."""
+        known = self._known.items()
+        self._known = {topic: route for topic, route in list(known) if route.topic.twin != twin}
 
     def arrived(self, messages: list[CloudMessage]) -> None:
         """Read what has come; from one thread at a time."""
@@ -280,7 +297,8 @@ class Downlink:
         """Answer, and note how long the receipt took."""
         if not tell.answered:
             self.answered[reply.status.value] += 1
-            self.latencies[port.name].add(self._clock.monotonic() - arrived)
+            if latencies := self.latencies.get(port.name):  # of a robot that is still there
+                latencies.add(self._clock.monotonic() - arrived)
         tell(reply)
 
     def _do(self, topic: Topic, message: CloudMessage, handle: Handler) -> None:

@@ -23,6 +23,16 @@ class OwnedStreams:
         self._refusals = refusals
         self._clock = clock
 
+    def join(self, twin: str) -> None:
+        """Listen for the streams of one more twin, from the beginning."""
+        with self._lock:
+            self._told[twin] = {}
+
+    def leave(self, twin: str) -> None:
+        """Listen for the streams of a twin no more."""
+        with self._lock:
+            self._told.pop(twin, None)
+
     def listen(self, subscribe: Callable[[str, Callable[[str, bytes], None]], object]) -> None:
         """Have ``subscribe`` call with what programs tell."""
         subscribe(f"cw/*/data/{CHANNEL}/*", self.heard)
@@ -38,6 +48,8 @@ class OwnedStreams:
             self._refusals.add("unreadable", "a stream on %s cannot be read: %s", key, error)
             return
         with self._lock:
+            if parsed.twin not in self._told:  # it has just left
+                return
             told = self._current(parsed.twin)
             told.pop(parsed.sensor, None)
             if stream is not None and len(told) < MOST:

@@ -129,6 +129,15 @@ class Uplink:
             slot.ours = True
         return slot
 
+    def drop(self, twin: str) -> None:
+        """Decide anew what crosses of a twin: its robot is gone, or another one; on the loop."""
+        begin = f"cw/{twin}/"
+        for key in [key for key in list(self._slots) if key.startswith(begin)]:
+            slot = self._slots.pop(key)
+            if slot is not None and slot in self._repeated:
+                self._repeated.remove(slot)
+        self.streaming.discard(twin)
+
     def own(self, twins: Iterable[str]) -> None:
         """Take no event in the fleet's name from the bus of robots that run in this process."""
         for twin in twins:
@@ -260,10 +269,10 @@ class Uplink:
 
     def _send(self, slot: OutboundChannel, sample: Report | bytes) -> None:
         """Translate one sample and publish what it becomes; whatever is wrong with it is its own."""
-        if slot.twin in self.held:
+        if slot.twin in self.held or slot.twin not in self._twins:
             return
         try:
-            messages = self._translated(slot, sample)
+            messages = _translated(slot, sample, self._session)
             slot.refused = False
             for suffix, payload in messages:
                 self._queue(slot, suffix, payload)
@@ -291,14 +300,6 @@ class Uplink:
         slot.refused = True
         line = "a sample on %s of %s did not cross: %s"
         self.refusals.add("unreadable", line, slot.channel, slot.twin, error)
-
-    def _translated(self, slot: OutboundChannel, sample: Report | bytes) -> list[tuple[str, bytes]]:
-        """Return suffix and payload of each message that a sample becomes; raises WireError."""
-        if slot.document and isinstance(sample, bytes) and not is_of_the_fleet(sample, slot.channel):
-            suffix, source_type = slot.suffix, slot.info.source_type
-            return [(suffix, document_out(suffix, sample, source_type=source_type, session=self._session))]
-        report = unproven(decode_report(slot.channel, sample)) if isinstance(sample, bytes) else sample
-        return to_mqtt(report, slot.by, slot.off)
 
     def _meet(self, key: str) -> OutboundChannel | None:
         """Decide what a key is, once: a slot of ours, or None for what does not cross."""
@@ -328,3 +329,12 @@ def _tell_unread(slot: OutboundChannel, sample: bytes, refusals: RateLimitedCoun
     if unread:
         line = "of %s of %s these fields do not cross: %s"
         refusals.add("unknown fields", line, slot.channel, slot.twin, ", ".join(unread)[:200])
+
+
+def _translated(slot: OutboundChannel, sample: Report | bytes, session: str) -> list[tuple[str, bytes]]:
+    """Return suffix and payload of each message that a sample becomes; raises WireError."""
+    if slot.document and isinstance(sample, bytes) and not is_of_the_fleet(sample, slot.channel):
+        suffix, source_type = slot.suffix, slot.info.source_type
+        return [(suffix, document_out(suffix, sample, source_type=source_type, session=session))]
+    report = unproven(decode_report(slot.channel, sample)) if isinstance(sample, bytes) else sample
+    return to_mqtt(report, slot.by, slot.off)

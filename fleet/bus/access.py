@@ -159,7 +159,7 @@ def _worker_rules(name: str, edge: str) -> tuple[_Rule, ...]:
         _Rule(("query",), (f"{robots}/video",)),
         _Rule(_ANSWER, (f"{robots}/command", f"{robots}/state", f"fleet/{edge}/stop", _REPORTS)),
         _Rule(_ANSWER, (f"{robots}/command{keys.CONSOLE}", f"{robots}/description", f"fleet/{edge}/history")),
-        _Rule(_ANSWER, (f"{robots}/prepare", f"fleet/{edge}/starts", f"{own}/reload")),
+        _Rule(_ANSWER, (f"{robots}/prepare", f"fleet/{edge}/starts", f"{own}/reload", f"{own}/hold")),
         _Rule((*_SAY, *_ANSWER), ("cw/*/data/commands/**",), "deny"),
     )
 

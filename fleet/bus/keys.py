@@ -9,6 +9,7 @@ key                                    what
 ``fleet/{edge}/workers/{worker}/beat``   publication: heartbeat of the worker's event loop
 ``fleet/{edge}/claims/{twin}/{since}``  liveliness: the edge claims the twin since (Unix ms), or ``-held``
 ``fleet/{edge}/workers/{worker}/reload``  query: start again with a changed drop-in file or configuration
+``fleet/{edge}/workers/{worker}/hold``  query: hold robots to stricter settings at once
 ``fleet/{edge}/workers/{worker}/halt``   publication: the edge gives up the worker, which halts its robots
 ``fleet/{edge}/robots/{robot}/command``  query: a command; replies are its receipt and final result
 ``fleet/{edge}/robots/{robot}/prepare``  query: prepare a common start; replies: prepared, receipt, result
@@ -68,9 +69,9 @@ def claim(edge_id: str, twin: str, since: int, *, held: bool = False) -> str:
     return f"fleet/{edge_id}/claims/{twin}/{since}{HELD if held else ''}"
 
 
-def claims() -> str:
-    """Return the key expression of all claims."""
-    return "fleet/*/claims/*/*"
+def claims(twin: str = "*") -> str:
+    """Return the key expression of all claims, or of those on one twin."""
+    return f"fleet/*/claims/{twin}/*"
 
 
 def command(edge_id: str, name: str) -> str:
@@ -136,6 +137,11 @@ def heartbeat(edge_id: str, name: str) -> str:
 def halt(edge_id: str, name: str) -> str:
     """Return the key on which the edge orders a worker that it gives up to halt its robots."""
     return f"fleet/{edge_id}/workers/{name}/halt"
+
+
+def hold(edge_id: str, name: str) -> str:
+    """Return the key by which a worker is asked to hold its robots to other settings."""
+    return f"fleet/{edge_id}/workers/{name}/hold"
 
 
 def reload(edge_id: str, name: str) -> str:

@@ -138,7 +138,7 @@ class ZenohSession:
         self._kept.clear()
         self._session.close()
         # A thread that returns from Zenoh after the interpreter has ended would abort the process.
-        for thread in self._threads:
+        for thread in tuple(self._threads):
             thread.join(LAST_CALL)
 
     def reached(self) -> list[str]:
@@ -176,13 +176,17 @@ class ZenohSession:
         def arrived(sample: zenoh.Sample) -> None:
             call(*_read(sample))
 
-        subscriber = self._session.declare_subscriber(key, _direct(arrived))
-        self._kept.append(subscriber)
+        return self._keep(self._session.declare_subscriber(key, _direct(arrived)))
+
+    def _keep(self, *declared: Any) -> Callable[[], None]:
+        """Keep what was declared until the session is closed; returns what ends it before."""
+        self._kept += declared
 
         def end() -> None:
-            if subscriber in self._kept:
-                self._kept.remove(subscriber)
-                subscriber.undeclare()
+            for each in declared:
+                if each in self._kept:
+                    self._kept.remove(each)
+                    each.undeclare()
 
         return end
 
@@ -195,8 +199,12 @@ class ZenohSession:
 
         self._kept.append(self._session.declare_subscriber(key, _direct(arrived)))
 
-    def subscribe_many(self, pattern: str, calls: Mapping[str, Callable[[bytes], None]]) -> None:
+    def subscribe_many(
+        self, pattern: str, calls: Mapping[str, Callable[[bytes], None]]
+    ) -> Callable[[], None]:
         """Call the function that ``calls`` has for the key of each sample published under ``pattern``.
+
+        Returns what ends it; ``calls`` may change meanwhile.
 
         One subscription, not one per key: a session compares every sample that it receives with every
         subscription that it has.
@@ -207,10 +215,12 @@ class ZenohSession:
             if call is not None:
                 call(payload)
 
-        self.subscribe(pattern, arrived)
+        return self.subscribe(pattern, arrived)
 
-    def gather(self, key: str, call: OnSamples) -> None:
+    def gather(self, key: str, call: OnSamples) -> Callable[[], None]:
         """Call ``call`` with batches of the samples of other sessions under ``key``, in order.
+
+        Returns what ends it; a last call may come while that runs.
 
         It is called on a thread of its own and may work, but not wait. A callback per sample would take the
         GIL from the running thread each time, which costs more than the work itself at high rates.
@@ -219,20 +229,29 @@ class ZenohSession:
         samples = self._session.declare_subscriber(
             key, zenoh.handlers.FifoChannel(GATHERED), allowed_origin=origin
         )
-        self._kept.append(samples)
+        undeclare = self._keep(samples)
         work = (samples.handler, _guarded(call))
         thread = threading.Thread(target=_gather, args=work, name="fleet-bus", daemon=True)
         self._threads.append(thread)
         thread.start()
 
-    def answer(self, key: str, call: Callable[[Query], None], *, more: str = "") -> None:
+        def end() -> None:
+            undeclare()
+            if thread in self._threads:
+                thread.join(LAST_CALL)
+                self._threads.remove(thread)
+
+        return end
+
+    def answer(self, key: str, call: Callable[[Query], None], *, more: str = "") -> Callable[[], None]:
         """Call ``call`` with each query on ``key``; it, or other code later, must reply to and close it.
 
-        With ``more`` (``/as/*/*``) also with each query on a key that has so many more chunks.
+        With ``more`` (``/as/*/*``) also on a key that has so many more chunks. Returns what ends it.
         """
-        for suffix in {"", more}:
-            asked = partial(_asked, call, key, suffix)
-            self._kept.append(self._session.declare_queryable(key + suffix, _direct(asked)))
+        asked = {suffix: partial(_asked, call, key, suffix) for suffix in ("", more)}
+        return self._keep(
+            *(self._session.declare_queryable(key + suffix, _direct(call)) for suffix, call in asked.items())
+        )
 
     def ask(
         self,
@@ -282,27 +301,22 @@ class ZenohSession:
 
     def token(self, key: str) -> Callable[[], None]:
         """Declare a liveliness token on ``key``; returns a function that withdraws it."""
-        token = self._session.liveliness().declare_token(key)
-        self._kept.append(token)
-
-        def take_back() -> None:
-            if token in self._kept:
-                self._kept.remove(token)
-                token.undeclare()
-
-        return take_back
+        return self._keep(self._session.liveliness().declare_token(key))
 
     def tokens(self, key: str, *, timeout: float) -> list[str]:
         """Return the keys of the tokens that live now; waits for everybody, up to ``timeout`` s."""
         return [key for key, _ in _answers(self._session.liveliness().get(key, timeout=timeout))]
 
-    def watch_tokens(self, key: str, call: Callable[[str, bool], None]) -> None:
-        """Call ``call`` with each token's key and whether it lives: for existing tokens, then each change."""
+    def watch_tokens(self, key: str, call: Callable[[str, bool], None]) -> Callable[[], None]:
+        """Call ``call`` with each token's key and whether it lives: for existing tokens, then each change.
+
+        Returns what ends it.
+        """
 
         def changed(sample: zenoh.Sample) -> None:
             call(str(sample.key_expr), sample.kind == zenoh.SampleKind.PUT)
 
-        self._kept.append(self._session.liveliness().declare_subscriber(key, _direct(changed), history=True))
+        return self._keep(self._session.liveliness().declare_subscriber(key, _direct(changed), history=True))
 
 
 def _config(settings: Mapping[str, object]) -> zenoh.Config:

@@ -37,9 +37,9 @@ file_argument = click.argument("file", default="fleet.yaml", type=click.Path())
 def diff(out: Output, file: str) -> ExitCode:
     """Show what FILE (fleet.yaml when left out) would change in the edge that runs with it.
 
-    Each robot on one line: rebuilt, settings only, added, removed, untouched; what needs a restart, and what
-    would be refused now, with the reason. Secrets are masked. An edge that does not run is compared with what
-    it last ran with. Exit code 0: the same, 7: different.
+    Each robot on one line: rebuilt, settings only, added, removed, renamed, untouched; what needs a restart,
+    and what would be refused now, with the reason. Secrets are masked. An edge that does not run is compared
+    with what it last ran with. Exit code 0: the same, 7: different.
     """
     loaded = load(file)
     outline = outline_of(loaded)
@@ -56,7 +56,9 @@ def diff(out: Output, file: str) -> ExitCode:
 
 @click.command()
 @click.argument("files", nargs=-1, type=click.Path())
-@click.option("--force", is_flag=True, help="Also rebuild robots that move, after they were stopped.")
+@click.option(
+    "--force", is_flag=True, help="Also rebuild or remove robots that move, after they were stopped."
+)
 @click.option("--fleet", "is_fleet", is_flag=True, help="Roll FILES, which are bundles, out to their edges.")
 @with_waves
 @with_output
@@ -66,7 +68,8 @@ def apply(
     """Have the edge that runs with FILE (fleet.yaml when left out) read it again and take it over.
 
     Robot by robot; the others go on. A robot that is commanded, armed or moves, or that somebody controls, is
-    not rebuilt; of its settings only what is stricter is taken over. What fails is taken back for that robot.
+    not rebuilt or removed; of its settings only what is stricter is taken over. What fails is taken back for
+    that robot.
     Exit code 0: all is taken over, 5: nothing, 7: a part; fleet diff shows what is left.
 
     With --fleet, roll bundles out to many edges in waves. Exit code 0: every wave went through, 7: it ended

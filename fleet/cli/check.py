@@ -9,6 +9,7 @@ import msgspec
 
 from fleet.cli.output import ExitCode, Output, counted, show_error, with_output
 from fleet.clock import SystemClock
+from fleet.config.difference import digest_of
 from fleet.config.load import Loaded, load
 from fleet.config.problems import InvalidConfig, Problem
 
@@ -31,7 +32,8 @@ def check(out: Output, file: str) -> ExitCode:
     told = (*loaded.warnings, *_of_certificates(loaded))
     warnings = [msgspec.to_builtins(warning) for warning in told]
     moved = _moved_after(loaded)
-    pair = {"pair": loaded.config.pair, "moved_after": moved} if loaded.config.pair else {}
+    digest = digest_of(loaded) if loaded.config.pair else ""
+    pair = {"pair": loaded.config.pair, "moved_after": moved, "pair_file": digest} if digest else {}
     out.data({"ok": True, "file": file, **_summary(loaded), **pair, "problems": [], "warnings": warnings})
     for warning in told:
         for line in f"warning: {warning.shown()}".splitlines():  # a note escapes line breaks
@@ -39,6 +41,8 @@ def check(out: Output, file: str) -> ExitCode:
     if moved:
         rows = [(name, _in_words(seconds)) for name, seconds in moved.items()]
         out.table(("robot", "moved by the standby, after the last sign of the other edge"), rows)
+    if digest:
+        out.say(f"the other edge of the pair takes over only if its file has the same digest: {digest}")
     out.say(f"{file} is valid: {_sentence(loaded)}")
     return ExitCode.OK
 

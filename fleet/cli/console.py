@@ -7,12 +7,12 @@ import contextlib
 import os
 
 import click
+import msgspec
 
-from fleet.bus.settings import runtime_dir
+from fleet.bus.settings import client_dirs, is_running, runtime_dir
 from fleet.cli.console_people import people
 from fleet.cli.options import reach_option
 from fleet.cli.output import ExitCode, Output, with_output
-from fleet.client.edges import settings_of
 from fleet.client.local_user import local_user
 from fleet.clock import SystemClock
 from fleet.console.child import EXTRA, ConsoleChild, is_installed
@@ -30,9 +30,14 @@ from fleet.spool.state_folder import state_folder
     "--port",
     type=click.IntRange(0, 65535),
     default=None,
-    help=f"On 127.0.0.1; left out {PORT}, or any that is free.",
+    help=f"On 127.0.0.1; left out that of the file or {PORT}, or any that is free.",
 )
 @click.option("--link", "link_only", is_flag=True, help="Print a new link to each console that runs.")
+@click.option(
+    "--foxglove",
+    is_flag=True,
+    help="Print an address for Foxglove, of each console that runs: a live view that changes nothing.",
+)
 @click.option(
     "--permission",
     type=click.Choice([each.word for each in Permission]),
@@ -52,6 +57,7 @@ def console(
     *,
     port: int | None,
     link_only: bool,
+    foxglove: bool,
     permission: str,
     recordings: str | None,
     file: str | None,
@@ -59,42 +65,61 @@ def console(
     """Show the fleet in a browser: a map, what each robot does, and a stop for all of them.
 
     Serves a page on this computer alone until Ctrl-C, and prints a link to it. A link is good once, for ten
-    minutes; --link prints another. It shows every edge that runs on this computer, now or later, or the one
-    of the file.
+    minutes; --link prints another. It shows every edge that runs on this computer, now or later, or those
+    that the file reaches. With console.listen in the file, people log in from other computers too, unless
+    the file's edge runs here: then they log in at the console of that edge.
     """
     if click.get_current_context().invoked_subcommand is not None:
         return ExitCode.OK
     asked = LinkAsked(local_user(), Permission[permission.upper()])
-    if link_only:
-        return _links(out, asked)
+    if link_only or foxglove:
+        return _links(out, msgspec.structs.replace(asked, to="foxglove") if foxglove else asked)
     if not is_installed():
         raise click.ClickException(EXTRA)
-    edges = (settings_of(file),) if file else ()
-    folders, beside = _recordings(recordings, file)
-    task = ConsoleTask(
-        str(os.getpid()),
-        PORT if port is None else port,
-        any_port=port is None,
-        edges=edges,
-        only=bool(edges),
-        recordings=folders,
-        beside=beside,
-    )
+    task = _task(port, recordings) if file is None else _task_of(file, port, recordings)
+    if task.login is not None:
+        out.note(f"people log in at port {task.login.port} of {task.login.host} (console.listen)")
     return run(_serve(out, task, asked))
 
 
 console.add_command(people)
 
 
-def _recordings(given: str | None, file: str | None) -> tuple[tuple[str, ...], str]:
-    """Return the folders of recordings to show, and the folder with those of edges that no file names."""
-    named = (given,) if given else ()
-    if file is None:
-        return named, str(state_folder("any").parent)
-    from fleet.cli.record_task import folder_of  # noqa: PLC0415 - pydantic is not needed without a file
-    from fleet.config.load import sections_of  # noqa: PLC0415
+def _task(port: int | None, recordings: str | None) -> ConsoleTask:
+    """Return the console of all edges that run here."""
+    return ConsoleTask(
+        str(os.getpid()),
+        PORT if port is None else port,
+        any_port=port is None,
+        recordings=(recordings,) if recordings else (),
+        beside=str(state_folder("any").parent),
+    )
 
-    return (*named, str(folder_of(sections_of(file)))), ""
+
+def _task_of(file: str, port: int | None, recordings: str | None) -> ConsoleTask:
+    """Return the console of the edges that a fleet file reaches, with the login that it asks for.
+
+    The login of an edge that runs here is at the console beside it, which has the port.
+    """
+    from fleet.cli.console_login import basemap_of, login_task  # noqa: PLC0415 - pydantic is not needed without a file
+    from fleet.cli.record_task import folder_of  # noqa: PLC0415
+    from fleet.config.load import sections_of  # noqa: PLC0415
+    from fleet.host.process.component_settings import bus_settings  # noqa: PLC0415
+
+    sections = sections_of(file)
+    task = _task(port, recordings)
+    runs_here = any(is_running(sections.edge.id, each) for each in client_dirs())
+    wanted = sections.console.port if sections.console is not None else PORT
+    return msgspec.structs.replace(
+        task,
+        port=wanted if port is None else port,
+        edges=(bus_settings(sections),),
+        only=True,
+        recordings=(*task.recordings, str(folder_of(sections))),
+        beside="",
+        basemap=basemap_of(sections),
+        login=None if runs_here else login_task(sections),
+    )
 
 
 def _links(out: Output, asked: LinkAsked) -> ExitCode:

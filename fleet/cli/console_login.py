@@ -1,4 +1,4 @@
-"""What ``console: {listen: ...}`` of fleet.yaml means for the console beside its edge, and what it needs."""
+"""What ``console:`` of fleet.yaml means for a console: its login, its map, and what they need."""
 
 from __future__ import annotations
 
@@ -6,11 +6,11 @@ from pathlib import Path
 
 from fleet.config.load import Loaded
 from fleet.config.problems import Problem
-from fleet.config.schema import FleetConfig, Sections
+from fleet.config.schema import Sections
 from fleet.console.links import ConsoleError
 from fleet.console.login_history import HistoryPlace
 from fleet.console.people import FILE, PeopleError, read_people
-from fleet.console.task import LoginTask
+from fleet.console.task import Basemap, LoginTask
 from fleet.console.tls_listener import tls_context
 from fleet.host.journal.stores import history_bounds
 from fleet.spool.state_folder import state_folder
@@ -22,7 +22,7 @@ def people_file(config: Sections) -> Path:
     return (given or state_folder(config.edge.id, config.edge.spool.path) / FILE).absolute()
 
 
-def login_task(config: FleetConfig) -> LoginTask | None:
+def login_task(config: Sections) -> LoginTask | None:
     """Return what the console's port beyond loopback is, None where there is none."""
     console = config.console
     if console is None or console.endpoint is None or console.tls is None:
@@ -39,6 +39,14 @@ def login_task(config: FleetConfig) -> LoginTask | None:
         HistoryPlace(str(folder), bounds.size, bounds.age),
         console.hosts,
     )
+
+
+def basemap_of(config: Sections) -> Basemap | None:
+    """Return the map that the console shows under the robots, None where there is none."""
+    console, origin = config.console, config.site.origin
+    if console is None or console.map is None or origin is None:
+        return None
+    return Basemap(str(console.map.absolute()), origin)
 
 
 def login_problems(loaded: Loaded) -> tuple[Problem, ...]:

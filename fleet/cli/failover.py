@@ -20,15 +20,22 @@ GIVEN_WITHIN = 15.0  # s for the robots to hold and the lease to be given
 LOOK = 0.2  # s between two looks
 
 
-class HandOver(msgspec.Struct, frozen=True):
-    """The request to hand the lease over; it says nothing more."""
+class HandOver(msgspec.Struct, frozen=True, omit_defaults=True):
+    """The request to hand the lease over; ``accept``: to a standby, to take over though its file differs."""
+
+    accept: bool = False
 
 
 @click.command()
 @click.argument("edge", required=False)
+@click.option(
+    "--accept-file",
+    is_flag=True,
+    help="Have EDGE, a standby with another file than its dead partner, take the robots over.",
+)
 @reach_option
 @with_output
-def failover(out: Output, edge: str | None, *, file: str | None) -> ExitCode:
+def failover(out: Output, edge: str | None, *, accept_file: bool, file: str | None) -> ExitCode:
     """Hand the robots of a pair over to its other edge.
 
     EDGE is the one that has them; it may be left out where only one edge here has. Its robots are held,
@@ -36,6 +43,8 @@ def failover(out: Output, edge: str | None, *, file: str | None) -> ExitCode:
     does not run, this one takes the robots again.
     """
     with Edges.reach(file) as edges:
+        if accept_file:
+            return _accepted(out, edges, edge)
         holder = _holder(edges.edges(), edge)
         reply = edges.one(keys.failover(holder), Reply, HandOver())
         if not reply.ok:
@@ -47,6 +56,18 @@ def failover(out: Output, edge: str | None, *, file: str | None) -> ExitCode:
             time.sleep(LOOK)
     out.data({"ok": True, "edge": holder})
     out.say(f"edge {holder} has let go of its robots; the other edge of the pair takes over")
+    return ExitCode.OK
+
+
+def _accepted(out: Output, edges: Edges, edge: str | None) -> ExitCode:
+    """Have a standby take over that has another file."""
+    if edge is None:
+        raise click.UsageError("--accept-file needs EDGE: the standby that is to take over")
+    reply = edges.one(keys.failover(edge), Reply, HandOver(accept=True))
+    if not reply.ok:
+        raise Refused(reply.reason)
+    out.data({"ok": True, "edge": edge})
+    out.say(f"edge {edge} takes the robots over by its own file, as soon as the lease is free")
     return ExitCode.OK
 
 

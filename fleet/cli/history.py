@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import contextlib
 import os
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 
 import click
 import msgspec
 
+from fleet.bus.settings import client_dirs, is_running
 from fleet.cli.options import reach_option
 from fleet.cli.output import Output, with_output
 from fleet.cli.times import iso, since_option, when
@@ -67,14 +68,22 @@ def history(out: Output, robot: str | None, *, since: float, last: int | None, f
 
 def _found(robot: str | None, since: float, most: int, file: str | None) -> list[Record]:
     """Return what the running edges tell, or what is in the files where none runs."""
+    wanted = EventFilter((robot,) if robot else (), since, most)
     try:
         with Edges.reach(file) as edges:
-            return _told(edges, robot, since, most)
+            told = _told(edges, robot, since, most)
     except (NotRunning, BusError):
-        wanted = EventFilter((robot,) if robot else (), since, most)
         folders = _folders(file)
         if not any((folder / HISTORY).exists() for folder in folders):
             raise
+        return _read(folders, wanted)
+    if file is None or robot is not None:
+        return told
+    return newest([*told, *_read(_folders(file, running=False), wanted)], wanted)
+
+
+def _read(folders: Iterable[Path], wanted: EventFilter) -> list[Record]:
+    """Return what is in files; raises StateError when none can be read."""
     records: list[Record] = []
     problems: list[StateError] = []
     for folder in folders:
@@ -112,13 +121,21 @@ def _kept(problems: list[StateError]) -> Iterator[None]:
         problems.append(error)
 
 
-def _folders(file: str | None, environ: Mapping[str, str] = os.environ) -> list[Path]:
-    """Return the folders of the lasting state: of a fleet file's edge, else of all of this user's."""
+def _folders(
+    file: str | None, environ: Mapping[str, str] = os.environ, *, running: bool = True
+) -> list[Path]:
+    """Return the folders of the lasting state: of a fleet file's edge, else of all of this user's.
+
+    Not ``running``: only where no edge of this name runs here that tells its history itself. A console
+    without an edge writes its logins there.
+    """
     if file is None:
         return sorted(state_folder("edge", environ=environ).parent.glob("*/"))
-    from fleet.config.load import load  # noqa: PLC0415 - pydantic is not needed without a file
+    from fleet.config.load import sections_of  # noqa: PLC0415 - pydantic is not needed without a file
 
-    edge = load(file, environ, partial=True).config.edge
+    edge = sections_of(file, environ).edge
+    if not running and any(is_running(edge.id, each) for each in client_dirs(environ)):
+        return []
     return [state_folder(edge.id, edge.spool.path, environ)]
 
 

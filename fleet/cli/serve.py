@@ -12,7 +12,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from fleet.bus.settings import runtime_dir
-from fleet.cli.console_login import login_task
+from fleet.cli.console_login import basemap_of, login_task
 from fleet.cli.live import show
 from fleet.cli.output import ExitCode, Output
 from fleet.cli.record_task import folder_of, record_task
@@ -112,6 +112,7 @@ def _console(loaded: Loaded, out: Output, link: LinkAsked | None) -> ConsoleChil
         (bus_settings(config),),
         recordings=(str(folder_of(config)),),
         beside=str(state_folder(config.edge.id).parent),
+        basemap=basemap_of(config),
         login=login_task(config),
     )
     return ConsoleChild(task, runtime_dir(), SystemClock(), asked=link, served=served)

@@ -10,8 +10,9 @@ from pathlib import Path
 import click
 
 from fleet.cli.output import ExitCode, Output, with_output
+from fleet.config.edge_id import EDGE_ID
 from fleet.config.load import load, sections_of
-from fleet.errors import NotRunning
+from fleet.errors import ConfigError, NotRunning
 from fleet.service.install import (
     Run,
     ServiceError,
@@ -25,6 +26,22 @@ from fleet.service.install import (
 from fleet.service.unit import ServiceSpec, spec_of, unit_name
 
 _FILE = click.argument("file", default="fleet.yaml", type=click.Path(path_type=Path))
+
+
+def _choose(_context: click.Context, _option: click.Parameter, edge: str | None) -> None:
+    """Have the file of a pair read as that of one of its edges."""
+    if edge is not None:
+        os.environ[EDGE_ID] = edge
+
+
+_EDGE_ID = click.option(
+    "--edge-id",
+    metavar="NAME",
+    expose_value=False,
+    is_eager=True,
+    callback=_choose,
+    help="Which edge of the file's pair this computer is.",
+)
 _ROOT = click.option(
     "--root",
     type=click.Path(file_okay=False, path_type=Path),
@@ -43,6 +60,7 @@ def service() -> None:
 
 @service.command("install")
 @_FILE
+@_EDGE_ID
 @_ROOT
 @click.option("--print", "shown", is_flag=True, help="Print the files and write none.")
 @click.option("--no-start", is_flag=True, help="Enable the service, but do not start it yet.")
@@ -69,6 +87,7 @@ def install_(out: Output, file: Path, *, root: Path | None, shown: bool, no_star
 
 @service.command()
 @_FILE
+@_EDGE_ID
 @with_output
 def status(out: Output, file: Path) -> ExitCode:
     """Show whether the service of the edge of FILE runs, since when, and how often it was restarted.
@@ -91,6 +110,7 @@ def status(out: Output, file: Path) -> ExitCode:
 
 @service.command()
 @_FILE
+@_EDGE_ID
 @click.option("-f", "--follow", is_flag=True, help="Go on with what comes, until Ctrl-C.")
 @click.option("-n", "--last", type=click.IntRange(min=0), default=100, show_default=True, help="Lines.")
 @click.option("--robot", help="Only lines about this robot.")
@@ -112,6 +132,7 @@ def logs(out: Output, file: Path, *, follow: bool, last: int, robot: str | None)
 
 @service.command("uninstall")
 @_FILE
+@_EDGE_ID
 @_ROOT
 @with_output
 def uninstall_(out: Output, file: Path, *, root: Path | None) -> None:
@@ -136,8 +157,12 @@ def _runner(root: Path | None) -> Run | None:
 
 def _spec(file: Path) -> ServiceSpec:
     """Return what the service of a fleet file is made from; raises ConfigError."""
+    loaded = load(file)
+    if loaded.config.pair is not None and not os.environ.get(EDGE_ID):
+        which = " or ".join(loaded.config.pair)
+        raise ConfigError(f"{file} is for a pair of edges: --edge-id {which} says which one this is")
     absolute = Path(os.path.abspath(file))  # noqa: PTH100 - links such as current/fleet.yaml stay as they are
-    return spec_of(load(file), absolute, Path(sys.executable))
+    return spec_of(loaded, absolute, Path(sys.executable))
 
 
 def _edge(file: Path) -> str:

@@ -29,6 +29,10 @@ LATER = (BlockingIOError, ssl.SSLWantReadError, ssl.SSLWantWriteError)
 """What a socket raises that has nothing to give or no room now."""
 
 
+def _closed() -> None:
+    """Be called for room in a socket that is closed."""
+
+
 class BrokerSocket:
     """A connected socket. Its calls are made one at a time: whoever has several threads holds a lock.
 
@@ -96,6 +100,7 @@ class BrokerSocket:
         if self.closed:
             return
         self.closed = True
+        self._writable = _closed
         self._rest.clear()
         self._loop.remove_reader(self._socket.fileno())
         self._loop.remove_writer(self._socket.fileno())

@@ -85,7 +85,7 @@ class CloudClient:
         self._outbox = OutboundQueue(self.spool, *most, self.stats, clock)
         self._network = Backoff(*settings.backoff)
         self._refusals = Backoff(*settings.refused_backoff)
-        self._fallback_reader = FallbackReader(self._stand_in)
+        self._fallback_reader = FallbackReader(lambda: bool((one := self._connection) and one.stand_in()))
         self._loop: asyncio.AbstractEventLoop | None = None
         self._thread = 0  # the loop's
         self._work: asyncio.Task[None] | None = None
@@ -113,6 +113,16 @@ class CloudClient:
         elif self._soon(self._stopping.set):
             self._closed.wait(timeout + 1.0)
         self._fallback_reader.stop()
+
+    def resubscribe(self, subscriptions: Mapping[str, int]) -> None:
+        """Subscribe to other filters from now on, after reconnects too; on the loop.
+
+        Raises ValueError for filters that overlap.
+        """
+        check_apart(subscriptions)
+        self._subscriptions = dict(subscriptions)
+        if self._connection is not None:
+            self._connection.resubscribe(self._subscriptions)
 
     def publish(
         self,
@@ -198,11 +208,6 @@ class CloudClient:
         if self._connection:
             self._connection.flush()
 
-    def _stand_in(self) -> bool:
-        """Do what the loop should have done; on the thread that stands by. True when there was something."""
-        connection = self._connection
-        return connection is not None and connection.stand_in()
-
     async def _main(self) -> None:
         """Keep connected until told to stop, then leave in an orderly way."""
         work = [asyncio.create_task(self._keep_connected()), asyncio.create_task(self._watch())]
@@ -285,7 +290,7 @@ class CloudClient:
                 backoff.note(lasted)
         reason = connection.ended.result()
         if isinstance(reason, SessionRefused):
-            raise reason
+            raise SessionRefused(str(reason))  # another one, whose frames the connection does not keep
         return reason
 
     async def _watch(self) -> None:

@@ -7,7 +7,7 @@ import contextlib
 import logging
 import socket
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import mqtt5
@@ -34,21 +34,25 @@ Deliver = Callable[[list[CloudMessage]], None]
 
 
 class _NextTurnCall:
-    """A call that the loop makes in its next turn, once however often it is asked for until then."""
+    """A call that the loop makes in its next turn, once however often it is asked for until then.
 
-    def __init__(self, loop: asyncio.AbstractEventLoop, call: Callable[[], None]) -> None:
+    It refers to what is called only until then. A connection that held it for good would be in a circle of
+    references with it, and the garbage collector runs seldom: a broker that is reached and lost again and
+    again would cost memory each time.
+    """
+
+    def __init__(self, loop: asyncio.AbstractEventLoop) -> None:
         self._loop = loop
-        self._call = call
         self._asked = False
 
-    def __call__(self) -> None:
+    def __call__(self, call: Callable[[], None]) -> None:
         if not self._asked:
             self._asked = True
-            self._loop.call_soon(self._make)
+            self._loop.call_soon(self._make, call)
 
-    def _make(self) -> None:
+    def _make(self, call: Callable[[], None]) -> None:
         self._asked = False
-        self._call()
+        call()
 
 
 class MqttConnection:
@@ -82,8 +86,8 @@ class MqttConnection:
         self._silent = not settings.tls  # a plain connection on which nothing was heard yet
         self._deliver = deliver
         self._take = take
-        self._take_on = _NextTurnCall(self._loop, self._follow_up)  # the rest, others having had their turn
-        self._go_on = _NextTurnCall(self._loop, self.flush)
+        self._take_on = _NextTurnCall(self._loop)  # the rest, others having had their turn
+        self._go_on = _NextTurnCall(self._loop)
         self._arrivals = PacketFramer(reader(settings.protocol), PAYLOAD_LIMIT, head=HEAD)
         self._keepalive = Keepalive(settings.keepalive, clock.monotonic())
         self._lock = threading.Lock()  # of everything that reading and writing share
@@ -141,7 +145,7 @@ class MqttConnection:
         except Exception:
             logger.exception("taking what was handed over failed")
         if more:
-            self._take_on()
+            self._take_on(self._follow_up)
         self._loop.call_soon(self._conclude)
 
     def _writable(self) -> None:
@@ -172,7 +176,7 @@ class MqttConnection:
             data = self._stream.read()
             if self.ended.done():
                 return  # after a goodbye nothing counts but the end
-            self._require_plain(data)
+            self._silent = _still_silent(data) if self._silent else False
             self._keepalive.received(now)
             for packet in self._arrivals.feed(data):
                 self._session.receive(packet, now)
@@ -186,18 +190,12 @@ class MqttConnection:
             code = mqtt5.DisconnectReasonCode.MALFORMED_PACKET
             self._failure = SessionEnded(f"the broker sent {error}", code)
         except CloudError as error:
-            self._failure = error
+            self._failure = error.with_traceback(None)  # whose frames would keep this connection alive
         except Exception as error:
             logger.exception("reading what the broker sent failed in a way that was not foreseen")
             self._failure = CloudError(f"{type(error).__name__}: {error}")
         if messages := self._session.take_messages():
             self._deliver(messages)
-
-    def _require_plain(self, data: bytes) -> None:
-        """Look at the first bytes of a plain connection; raises CloudError when they are of TLS."""
-        if self._silent and data.startswith(TLS_ALERT):
-            raise CloudError(f"the broker answers with TLS; {TRY_TLS}")
-        self._silent &= not data
 
     def _conclude(self) -> None:
         """Answer the broker what was read, and send what that lets go."""
@@ -216,6 +214,12 @@ class MqttConnection:
             self.ready.set_result(None)
         self.flush()
 
+    def resubscribe(self, subscriptions: Mapping[str, int]) -> None:
+        """Subscribe to other filters from now on; on the loop."""
+        with self._lock:
+            self._session.resubscribe(subscriptions)
+            self._write(self._session.take_replies())
+
     def flush(self) -> None:
         """Write some of what waits, as far as the broker's window and the socket take it, and soon the rest.
 
@@ -227,7 +231,7 @@ class MqttConnection:
             data = self._session.send(self._clock.monotonic())
             self._write(data)
         if data:
-            self._go_on()
+            self._go_on(self.flush)
 
     async def answered(self) -> None:
         """Wait until the connection is ready, or ended before it was."""
@@ -284,3 +288,10 @@ class MqttConnection:
         if data and not self.ended.done() and not self._stream.closed:
             self._stream.write(data)
             self._keepalive.sent(self._clock.monotonic())
+
+
+def _still_silent(data: bytes) -> bool:
+    """Look at the first bytes of a plain connection; raises CloudError when they are of TLS."""
+    if data.startswith(TLS_ALERT):
+        raise CloudError(f"the broker answers with TLS; {TRY_TLS}")
+    return not data

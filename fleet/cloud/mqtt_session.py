@@ -16,13 +16,12 @@ from fleet.cloud import reasons
 from fleet.cloud.inflight_window import InflightWindow
 from fleet.cloud.outbound_queue import OutboundQueue
 from fleet.cloud.packets import encode
+from fleet.cloud.subscriptions import Subscriptions
 from fleet.cloud.values import PAYLOAD_LIMIT, CloudMessage, CloudSettings, CloudStats
 from fleet.errors import CloudError
 
 INBOUND = 100
 """Most messages that the broker may have under way to us."""
-_FILTERS = 64
-"""Filters in one SUBSCRIBE."""
 
 
 class SessionRefused(CloudError):
@@ -52,16 +51,16 @@ class MqttSession:
         self.keepalive = settings.keepalive
         self.problems: list[str] = []
         self._settings = settings
-        self._subscriptions = subscriptions
         self._stats = stats
         self._ours = InflightWindow(outbox, stats, settings.protocol)
-        self._subscribing: dict[int, list[str]] = {}
+        self._subscriptions = Subscriptions(subscriptions, self._ours.next_id)
         self._half_received: set[int] = set()
         self._replies: list[mqtt5.Packet] = []
         self._messages: list[CloudMessage] = []
         self._handlers: dict[type, Callable[[Any, float], None]] = {
             mqtt5.ConnAckPacket: self._on_connack,
             mqtt5.SubAckPacket: self._on_suback,
+            mqtt5.UnsubAckPacket: _alive,
             mqtt5.PublishPacket: self._on_publish,
             mqtt5.PubRelPacket: self._on_pubrel,
             mqtt5.PubAckPacket: self._ours.acknowledged,
@@ -129,6 +128,7 @@ class MqttSession:
         """Give what was not acknowledged back to the outbox, which is offline from now on."""
         self.ready = False
         self._ours.end()
+        self._handlers.clear()  # which refer to this session: it is freed without the garbage collector
 
     def _on_connack(self, packet: mqtt5.ConnAckPacket, _now: float) -> None:
         """Note whether the broker lets us in, and subscribe to everything."""
@@ -139,30 +139,21 @@ class MqttSession:
         self.connected = True
         self.keepalive = packet.server_keep_alive or self._settings.keepalive
         self._ours.agree(packet)
-        wanted = list(self._subscriptions.items())
-        for start in range(0, len(wanted), _FILTERS):
-            self._subscribe(wanted[start : start + _FILTERS])
-        self.ready = not wanted
+        self._replies += self._subscriptions.begin()
+        self.ready = not self._subscriptions.open
 
-    def _subscribe(self, wanted: list[tuple[str, int]]) -> None:
-        """Ask for some filters; what we publish ourselves must not come back as if somebody asked for it."""
-        identifier = self._ours.next_id()  # nothing is sent before all filters are answered
-        filters = [
-            mqtt5.TopicFilter(pattern, max_qos=mqtt5.QoS(qos), no_local=True, retain_as_published=False)
-            for pattern, qos in wanted
-        ]
-        self._subscribing[identifier] = [pattern for pattern, _ in wanted]
-        self._replies.append(mqtt5.SubscribePacket(identifier, filters))
+    def resubscribe(self, subscriptions: Mapping[str, int]) -> None:
+        """Subscribe to other filters from now on."""
+        asked = list(self._subscriptions.change(subscriptions))
+        self._replies += asked if self.connected else ()
 
     def _on_suback(self, packet: mqtt5.SubAckPacket, _now: float) -> None:
         """Note which filters the broker took."""
-        patterns = self._subscribing.pop(packet.packet_id, [])
-        if len(patterns) != len(packet.reason_codes):
+        problems = self._subscriptions.answered(packet)
+        if problems is None:
             raise _broken("the broker answers a subscription that was not asked for")
-        for pattern, code in zip(patterns, packet.reason_codes, strict=True):
-            if int(code) >= 0x80:
-                self.problems.append(f"the broker refuses the subscription {pattern} ({code.name})")
-        self.ready = not self._subscribing
+        self.problems += problems
+        self.ready = not self._subscriptions.open
 
     def _on_publish(self, packet: mqtt5.PublishPacket, _now: float) -> None:
         """Take a message; one of QoS 2 is handed out once, however often it is sent."""
@@ -218,8 +209,8 @@ class MqttSession:
         raise SessionEnded(reasons.of(packet))
 
 
-def _alive(_packet: mqtt5.PingRespPacket, _now: float) -> None:
-    """Do nothing: the keepalive watch has already noted that the link is alive."""
+def _alive(_packet: mqtt5.Packet, _now: float) -> None:
+    """Do nothing: the packet says no more than that the link is alive, which its watch has noted."""
 
 
 def _message_of(packet: mqtt5.PublishPacket) -> CloudMessage:

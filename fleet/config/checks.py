@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import stat
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from pathlib import Path
 
 from fleet.config.endpoints import (
@@ -24,6 +24,8 @@ from fleet.config.text import nearest
 from fleet.config.yaml import Document
 from fleet.robot_config import MAIN, AdapterConfig
 
+MOST_TOLD = 5
+"""Robots of which each is warned of for the same reason; more are warned of together."""
 _WAY = "way to the robot"
 _APART = {
     "name": "give each robot a name of its own",
@@ -107,15 +109,23 @@ def warn_of_places(
         return
     on_earth = [index for index, robot in robots.items() if robot.origin is not None or index in at_home]
     started = [index for index, robot in robots.items() if robot.start is not None]
-    for index in sorted(robots.keys() - {*on_earth, *started}):
-        message = "it cannot be placed beside the other robots: separation unknown, they are not kept apart"
-        hint = "start: [metres east, metres north, heading in radians], from the site's origin"
-        document.warn(document.marks["robots", index], message, hint)
+    _warn_of_unplaced(sorted(robots.keys() - {*on_earth, *started}), document)
     others_on_earth = has_partners or set(on_earth) - set(started)
     for index in started if not has_site and others_on_earth else ():
         message = "nobody knows where its start is on Earth, where other robots are: separation unknown"
         mark = document.marks.get(("robots", index, "start")) or document.marks["robots", index]
         document.warn(mark, message, "site: {origin: [latitude, longitude, altitude]}")
+
+
+def _warn_of_unplaced(unplaced: Sequence[int], document: Document) -> None:
+    """Warn of each robot that nobody can place, or once of many: a file may have a thousand."""
+    hint = "start: [metres east, metres north, heading in radians], from the site's origin"
+    told = unplaced if len(unplaced) <= MOST_TOLD else unplaced[:1]
+    others = len(unplaced) - len(told)
+    whose = f"it and {others} other robots" if others else "it"
+    for index in told:
+        message = f"{whose} cannot be placed beside the others: separation unknown, they are not kept apart"
+        document.warn(document.marks["robots", index], message, hint)
 
 
 def warn_of_drop_ins(robots: Mapping[int, AdapterConfig], document: Document) -> None:
@@ -131,7 +141,20 @@ def warn_of_drop_ins(robots: Mapping[int, AdapterConfig], document: Document) ->
             )
 
 
-def check_stop_inputs(data: Mapping[str, object], document: Document) -> None:
+def check_names(data: Mapping[str, object], document: Document) -> None:
+    """Report what one section names and another does not have."""
+    for check in (
+        _check_stop_inputs,
+        _check_notify,
+        _check_schedules,
+        _check_workflows,
+        _check_partners,
+        _check_console_map,
+    ):
+        check(data, document)
+
+
+def _check_stop_inputs(data: Mapping[str, object], document: Document) -> None:
     """Report stop inputs of one name, and those that stop what there is not."""
     inputs, listed, groups = data.get("stop_inputs"), data.get("robots"), data.get("groups")
     if not isinstance(inputs, list) or not isinstance(listed, list):
@@ -152,7 +175,7 @@ def check_stop_inputs(data: Mapping[str, object], document: Document) -> None:
                 document.report(mark, f"there is no robot or group {name!r}", nearest(name, names))
 
 
-def check_notify(data: Mapping[str, object], document: Document) -> None:
+def _check_notify(data: Mapping[str, object], document: Document) -> None:
     """Report targets of notices for robots and groups that there are not."""
     targets, listed, groups = (data.get(key) for key in ("notify", "robots", "groups"))
     if not isinstance(targets, list) or not isinstance(listed, list):
@@ -167,7 +190,7 @@ def check_notify(data: Mapping[str, object], document: Document) -> None:
                 document.report(mark, f"there is no robot or group {name!r}", nearest(name, names))
 
 
-def check_schedules(data: Mapping[str, object], document: Document) -> None:
+def _check_schedules(data: Mapping[str, object], document: Document) -> None:
     """Report schedules of missions and robots that there are not."""
     schedules, missions, listed = (data.get(key) for key in ("schedules", "missions", "robots"))
     if not isinstance(schedules, dict) or not isinstance(listed, list):
@@ -189,7 +212,7 @@ def check_schedules(data: Mapping[str, object], document: Document) -> None:
                 document.report(mark, f"there is no robot {robot!r}", nearest(robot, robots))
 
 
-def check_partners(data: Mapping[str, object], document: Document) -> None:
+def _check_partners(data: Mapping[str, object], document: Document) -> None:
     """Report robots of other edges whose names are taken, and an edge that is its own partner."""
     partners, listed, edge = data.get("partners"), data.get("robots"), data.get("edge")
     robots = listed if isinstance(listed, list) else []
@@ -205,7 +228,17 @@ def check_partners(data: Mapping[str, object], document: Document) -> None:
             taken.add(str(robot))
 
 
-def check_workflows(data: Mapping[str, object], document: Document) -> None:
+def _check_console_map(data: Mapping[str, object], document: Document) -> None:
+    """Report a map of a site that is nowhere on Earth."""
+    console, site = data.get("console"), data.get("site")
+    if not isinstance(console, dict) or console.get("map") is None:
+        return
+    if not isinstance(site, dict) or site.get("origin") is None:
+        hint = "site: {origin: [latitude, longitude, altitude]}"
+        document.report(document.marks["console", "map"], "nobody knows where the site is on this map", hint)
+
+
+def _check_workflows(data: Mapping[str, object], document: Document) -> None:
     """Report workflows of missions that there are not."""
     cloud, missions = data.get("cloud"), data.get("missions")
     workflows = cloud.get("workflows") if isinstance(cloud, dict) else None

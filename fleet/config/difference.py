@@ -42,10 +42,8 @@ SECTIONS: Mapping[str, str] = {
     "record": "its process is started with the edge",
     "plugins": "adapters are looked for at the start; fleet adapters reload takes a changed file into use",
     "remote_workers": "they are started by hand, with a copy of the file",
-    "groups": "workers, missions and stop inputs have them",
     "partners": "the runs of other edges refer to them",
     "stop_inputs": "their devices are opened at the start, and hold the robots",
-    "notify": "its programs and addresses are opened at the start",
 }
 """Why each section is taken over by the next start only. ``defaults`` has no line: robots say it."""
 
@@ -53,6 +51,8 @@ LIVE_SECTIONS: Mapping[str, str] = {
     "missions": "the next run has them; runs under way keep their copy",
     "events": "missions may wait for them from then on",
     "places": "while no run is under way; a goal that was given before stays where it is",
+    "groups": "at once, also for stops; not while a stop input names one that changes",
+    "notify": "from the next event on; a target that is gone still sends what waits",
     "schedules": "a changed schedule counts from then on; firings of one that is gone are skipped",
 }
 """How each other section is taken over by the running edge."""
@@ -79,9 +79,6 @@ FIELDS: Mapping[str, str] = {
     "inbound": "the bridge to the cloud has it",
 }
 """Fields of a robot that only the next start takes over, and why; any other rebuilds the robot."""
-
-ADDED = "the edge shows its robots on the bus and in the cloud when it starts"
-REMOVED = "the edge lets go of its robots when it ends"
 
 
 class Outline(msgspec.Struct, frozen=True):
@@ -174,8 +171,15 @@ def difference(old: Outline, new: Outline, shown: Callable[[str, str], str]) -> 
 
     ``shown`` writes the value (JSON) of a field for people, without secrets.
     """
-    names = [*new.robots, *(name for name in old.robots if name not in new.robots)]
-    robots = [_robot_change(name, old.robots.get(name), new.robots.get(name), shown) for name in names]
+    before = _new_names(old, new)
+    gone = old.robots.keys() - new.robots.keys() - set(before.values())
+    names = [*new.robots, *(name for name in old.robots if name in gone)]
+    robots = [
+        _renamed(name, old.robots[before[name]], new.robots[name], shown)
+        if name in before
+        else _robot_change(name, old.robots.get(name), new.robots.get(name), shown)
+        for name in names
+    ]
     known = dict.fromkeys((*old.sections, *new.sections))
     sections = [
         _section_change(name, fields)
@@ -183,6 +187,15 @@ def difference(old: Outline, new: Outline, shown: Callable[[str, str], str]) -> 
         if (fields := _fields(old.sections.get(name, {}), new.sections.get(name, {}), shown))
     ]
     return (*robots, *sections)
+
+
+def _new_names(old: Outline, new: Outline) -> dict[str, str]:
+    """Return the robots that go on under a new name: new to old; a name of both files goes on itself."""
+    return {
+        name: was
+        for name, was in renamed(old, new).items()
+        if name not in old.robots and was not in new.robots and "twin" in new.robots[name]
+    }
 
 
 def _section_change(name: str, fields: tuple[str, ...]) -> Change:
@@ -200,12 +213,19 @@ def _robot_change(
 ) -> Change:
     """Return what becomes of one robot."""
     if new is None:
-        return Change(name, ChangeKind.REMOVED, why=REMOVED)
+        return Change(name, ChangeKind.REMOVED)
     if old is None:
-        return Change(name, ChangeKind.ADDED, why=ADDED)
+        return Change(name, ChangeKind.ADDED)
     fields = _fields(old, new, shown)
     kind, why = _judged({field.split(".")[0] for field in changed(old, new)}, old.get(NAVIGATES) == "true")
     return Change(name, kind, fields, why)
+
+
+def _renamed(
+    name: str, old: Mapping[str, str], new: Mapping[str, str], shown: Callable[[str, str], str]
+) -> Change:
+    """Return what becomes of a robot that goes on under another name, whatever else differs."""
+    return Change(name, ChangeKind.RENAMED, _fields(old, new, shown))
 
 
 def _judged(fields: AbstractSet[str], navigates: bool) -> tuple[ChangeKind, str]:  # noqa: FBT001 - by position
@@ -238,12 +258,45 @@ def _line(name: str, old: str | None, new: str | None, shown: Callable[[str, str
     return f"{name}: {told[0] or 'none'} -> {told[1] or 'none'}"
 
 
+OF_ONE_COMPUTER = frozenset(
+    {"edge", "lease", "cloud", "bus", "metrics", "console", "record", "plugins", "notify", "remote_workers"}
+)
+"""Sections that may differ between the two computers of a pair, by variables and secrets."""
+LINKS = frozenset({"link", "links"})
+
+
+def digest_of(loaded: Loaded) -> str:
+    """Return ``pair_digest`` of a loaded fleet file."""
+    return pair_digest(outline_of(loaded), loaded.folder.absolute())
+
+
+def pair_digest(outline: Outline, folder: PurePath) -> str:
+    """Return the digest of what the two edges of a pair must agree about: robots, missions, places and so on.
+
+    Links may differ, and the ``folder`` of the file. The digest leaves the computer: no secret is part of it.
+    """
+    sections = {name: fields for name, fields in outline.sections.items() if name not in OF_ONE_COMPUTER}
+    told = [
+        (name, field, value.replace(str(folder), "."))
+        for parts in (sections, outline.robots)
+        for name, fields in sorted(parts.items())
+        for field, value in sorted(fields.items())
+        if field.partition(".")[0] not in LINKS and not _is_secret(field)
+    ]
+    return hashlib.sha256(json.dumps(told).encode()).hexdigest()[:16]
+
+
+def _is_secret(field: str) -> bool:
+    """Return whether a field's value is a secret, by its dotted name."""
+    return any(map(is_secret, field.split(".")))
+
+
 def shown_by(secrets: Iterable[str]) -> Callable[[str, str], str]:
     """Return what shows values for people, without these secrets and without those of secret fields."""
     masking = Masking(secrets)
 
     def shown(name: str, value: str) -> str:
-        if any(is_secret(part) for part in name.split(".")):
+        if _is_secret(name):
             return MASK
         text = masking.text(value)
         text = text[1:-1] if text.startswith('"') else text

@@ -21,13 +21,9 @@ from fleet.config.checks import (
     check_bus,
     check_consoles,
     check_followers,
-    check_notify,
-    check_partners,
+    check_names,
     check_robots,
-    check_schedules,
-    check_stop_inputs,
     check_workers,
-    check_workflows,
     warn_of_batteries,
     warn_of_drop_ins,
     warn_of_places,
@@ -53,6 +49,8 @@ from fleet.robot_config import AdapterConfig
 _OWN_TO_ROBOT = ("name", "twin", "adapter")  # what defaults cannot give
 _OTHER_ADAPTERS = "for another, install its package here or name the folder of its file in plugins"
 _ROBOT_PATH = re.compile(r"robots\[(\d+)\]")
+
+_EXAMPLE_HINT = "fleet init writes an example"
 
 
 class Loaded(msgspec.Struct, frozen=True):
@@ -121,7 +119,7 @@ def load(
 
 def _load(file: pathlib.Path, environ: Mapping[str, str], partial: bool, registry: Registry) -> Loaded:  # noqa: FBT001 - by position
     """Do it with a registry."""
-    document = read(file, environ)
+    document = read(file, environ, if_missing=_EXAMPLE_HINT)
     if not _is_mapping(document):
         raise InvalidConfig(document.problems)
     data = document.data
@@ -158,11 +156,7 @@ def _check_together(document: Document, sections: Sections | None, robots: Mappi
     identities = {index: robot.identity for index, robot in robots.items() if robot.identity}
     check_robots(document.data.get("robots"), identities, document)
     check_groups(document.data, document)
-    check_stop_inputs(document.data, document)
-    check_notify(document.data, document)
-    check_schedules(document.data, document)
-    check_workflows(document.data, document)
-    check_partners(document.data, document)
+    check_names(document.data, document)
     check_pair({index: (robot.config, robot.plugin) for index, robot in robots.items()}, document)
     configs = {index: robot.config for index, robot in robots.items()}
     check_followers(configs, document)
@@ -191,7 +185,7 @@ def sections_of(path: str | os.PathLike[str], environ: Mapping[str, str] | None 
     """
     file = pathlib.Path(path)
     environ = os.environ if environ is None else environ
-    document = read(file, environ)
+    document = read(file, environ, if_missing=_EXAMPLE_HINT)
     if not _is_mapping(document):
         raise InvalidConfig(document.problems)
     cloud_from_environment(document, environ)
@@ -227,7 +221,7 @@ def registry_for(
     """
     file = pathlib.Path(path)
     registry = registry or Registry()
-    document = read(file, os.environ if environ is None else environ)
+    document = read(file, os.environ if environ is None else environ, if_missing=_EXAMPLE_HINT)
     if not _is_mapping(document):
         raise InvalidConfig(document.problems)
     for folder in _folders(document.data, file.parent):
@@ -245,7 +239,7 @@ def _is_mapping(document: Document) -> bool:
         return True
     if () not in document.spoiled:
         message = "the file is empty" if document.data is None else "must be a mapping of  key: value"
-        document.report(document.marks[()], message, "fleet init writes an example")
+        document.report(document.marks[()], message, _EXAMPLE_HINT)
     return False
 
 

@@ -8,6 +8,7 @@ from typing import Annotated, Self
 
 from pydantic import AfterValidator, Field, model_validator
 
+from fleet.config.basemap import raster_archive
 from fleet.yaml_model import ExistingPath, Model, NewPath, wrong
 
 _ENDPOINT = re.compile(r"(\[[0-9a-fA-F:.]+\]|[0-9.]+):(\d{1,5})")
@@ -35,7 +36,7 @@ class ConsoleTlsConfig(Model):
 
 
 class ConsoleConfig(Model):
-    """The console, a web page with the fleet, as a process beside the edge."""
+    """The console, a web page with the fleet: beside the edge, or by itself (``fleet console -f FILE``)."""
 
     port: int = Field(8480, ge=0, le=65535, description="On loopback, for links; 0 takes any that is free.")
     listen: Annotated[str, AfterValidator(_tcp_endpoint)] | None = Field(
@@ -46,6 +47,11 @@ class ConsoleConfig(Model):
     tls: ConsoleTlsConfig | None = Field(None, description="Needed for listen.")
     hosts: tuple[Annotated[str, Field(pattern=r"^[A-Za-z0-9.:_-]{1,253}$")], ...] = Field(
         (), description="Names and addresses by which browsers reach listen. Left out: the certificate's."
+    )
+    map: Annotated[ExistingPath, AfterValidator(raster_archive)] | None = Field(
+        None,
+        description="PMTiles archive with pictures (aerial photographs, a drawn map) that is shown under the "
+        "robots; needs site.origin.",
     )
     people: NewPath | None = Field(
         None,

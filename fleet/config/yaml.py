@@ -80,9 +80,12 @@ class Document(msgspec.Struct):
         self.report(mark, message, hint)
 
 
-def read(path: pathlib.Path, environ: Mapping[str, str]) -> Document:
-    """Return what the file says with every problem met; never raises for what is in the files."""
-    reader = _Reader(path, environ)
+def read(path: pathlib.Path, environ: Mapping[str, str], *, if_missing: str = "") -> Document:
+    """Return what the file says with every problem met; never raises for what is in the files.
+
+    ``if_missing``: what to do where there is no such file.
+    """
+    reader = _Reader(path, environ, if_missing)
     reader.document.data = reader.file(path, Mark(str(path), 1, 1), ())
     return reader.document
 
@@ -121,8 +124,9 @@ def _section(text: str, name: str) -> str:
 class _Reader:
     """Walks the nodes of a file and of what it includes."""
 
-    def __init__(self, path: pathlib.Path, environ: Mapping[str, str]) -> None:
+    def __init__(self, path: pathlib.Path, environ: Mapping[str, str], if_missing: str = "") -> None:
         self.document = Document()
+        self._if_missing = if_missing
         self._shown = path.parent
         self._folder = path.parent.resolve()
         self._environ = environ
@@ -137,7 +141,7 @@ class _Reader:
         try:
             text = decoded(_bytes_of(path))
         except OSError as error:
-            hint = "" if where else "fleet init writes an example"
+            hint = "" if where else self._if_missing
             return self.document.spoil(where, asked_at, f"cannot read {shown}: {error.strerror}", hint)
         except BadYaml as error:
             mark = Mark(shown, error.line, error.column, where)

@@ -9,7 +9,11 @@
 ``GET /ws``                the WebSocket of a page
 ``POST /api/stop``         an emergency stop; a request that is known by the WebSocket is not asked again
 ``GET /api/stops/ID``      how that stop goes
+``GET /api/basemap``       how the map under the robots is placed, if there is one
+``GET /api/tiles/Z/X/Y``   a picture of it
+``GET /api/photos/ROBOT``  the newest picture of a robot that a page shows
 ``POST /api/recording``    a window of the recordings as a file
+``GET /foxglove/TOKEN``    the WebSocket of Foxglove, on loopback only
 =========================  ==========================================================================
 """
 
@@ -17,7 +21,7 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
-from collections.abc import Mapping
+from collections.abc import AsyncIterator, Mapping
 from typing import Annotated
 
 import msgspec
@@ -25,12 +29,12 @@ from starlette.applications import Starlette
 from starlette.requests import HTTPConnection, Request
 from starlette.responses import Response, StreamingResponse
 from starlette.routing import Route, WebSocketRoute
-from starlette.types import ASGIApp
+from starlette.types import ASGIApp, Receive, Scope, Send
 from starlette.websockets import WebSocket
 
 from fleet.console.exports import Window
 from fleet.console.files import PageFile, page_files
-from fleet.console.guard import LONGEST_BODY, Guard, Served
+from fleet.console.guard import FOXGLOVE, LONGEST_BODY, Guard, Served
 from fleet.console.hub import MOST_TABS, Hub
 from fleet.console.login import Login, LoginRefused
 from fleet.console.passwords import LONGEST as LONGEST_PASSWORD
@@ -77,6 +81,19 @@ def make_login_app(hub: Hub, login: Login, served: Served) -> ASGIApp:
     return Guard(_App(hub, login.sessions, page_files(), login).routes(), served)
 
 
+class _Export(StreamingResponse):
+    """A file that is being exported; ``stack`` ends that, also when the browser has gone before it began."""
+
+    def __init__(self, blocks: AsyncIterator[bytes], stack: contextlib.AsyncExitStack) -> None:
+        super().__init__(blocks, media_type="application/octet-stream")
+        self._stack = stack
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Send the file."""
+        async with self._stack:
+            await super().__call__(scope, receive, send)
+
+
 class _App:
     """The handlers of the addresses."""
 
@@ -95,6 +112,7 @@ class _App:
             if self._login is None
             else Route("/api/login", self._log_in, methods=["POST"])
         )
+        views = [WebSocketRoute(FOXGLOVE + "{token}", self._foxglove)] if self._login is None else []
         return Starlette(
             routes=[
                 begin,
@@ -102,8 +120,12 @@ class _App:
                 Route("/api/logout", self._log_out, methods=["POST"]),
                 Route("/api/stop", self._stop, methods=["POST"]),
                 Route("/api/stops/{request}", self._stopped),
+                Route("/api/basemap", self._basemap),
+                Route("/api/tiles/{zoom:int}/{column:int}/{row:int}", self._tile),
+                Route("/api/photos/{robot:path}", self._photo),
                 Route("/api/recording", self._recording, methods=["POST"]),
                 WebSocketRoute("/ws", self._tab),
+                *views,
                 Route("/{path:path}", self._file),
             ]
         )
@@ -201,19 +223,46 @@ class _App:
         found = self._hub.view.get("stops", request.path_params["request"])
         return _json(found) if found else _json({"error": "there is no such stop"}, 404)
 
+    async def _basemap(self, request: Request) -> Response:
+        """Tell what a page must know of the map under the robots; nothing where there is none."""
+        if self._operator(request) is None:
+            return self._nobody()
+        return _json(self._hub.tiles.told if self._hub.tiles is not None else {})
+
+    async def _tile(self, request: Request) -> Response:
+        """Send a picture of the map; nothing where it has none."""
+        if self._operator(request) is None:
+            return self._nobody()
+        at = request.path_params
+        tiles = self._hub.tiles
+        found = await tiles.tile(at["zoom"], at["column"], at["row"]) if tiles is not None else None
+        if found is None:
+            return Response(status_code=204)  # no error: a map ends somewhere
+        return Response(found.content, media_type=found.media_type)
+
+    async def _photo(self, request: Request) -> Response:
+        """Send the newest picture of a robot."""
+        if self._operator(request) is None:
+            return self._nobody()
+        photo = self._hub.edges.watched.photos.newest(request.path_params["robot"])
+        if photo is None:
+            return _json({"error": "there is no picture of it"}, 404)
+        return Response(photo, media_type="image/jpeg")
+
     async def _recording(self, request: Request) -> Response:
         """Send a window of the recordings."""
         operator = self._operator(request)
         if operator is None:
             return self._nobody()
-        try:
-            window = decode_json(await _body(request), Window)
-            file = await self._hub.exports.export(window, operator)
-        except (msgspec.DecodeError, WireError) as error:
-            return _json({"error": f"the window cannot be read: {error}"}, 400)
-        except Refused as error:
-            return _json({"error": f"{error.reason}{error.hint and f' ({error.hint})'}"}, 403)
-        return StreamingResponse(file, media_type="application/octet-stream")
+        async with contextlib.AsyncExitStack() as stack:
+            try:
+                window = decode_json(await _body(request), Window)
+                export = await stack.enter_async_context(self._hub.exports.export(window, operator))
+            except (msgspec.DecodeError, WireError) as error:
+                return _json({"error": f"the window cannot be read: {error}"}, 400)
+            except Refused as error:
+                return _json({"error": f"{error.reason}{error.hint and f' ({error.hint})'}"}, 403)
+            return _Export(export.blocks(), stack.pop_all())
 
     async def _tab(self, socket: WebSocket) -> None:
         """Serve the WebSocket of a page."""
@@ -233,6 +282,10 @@ class _App:
         finally:
             watching.cancel()
             self._hub.tabs.discard(tab)
+
+    async def _foxglove(self, socket: WebSocket) -> None:
+        """Serve the WebSocket of Foxglove."""
+        await self._hub.foxglove.serve(socket, socket.path_params["token"])
 
     async def _end_with(self, session: Session, socket: WebSocket) -> None:
         """Close a page when its session ends; while the page is open, the session is in use."""

@@ -35,7 +35,10 @@ POSITIONS = f"cw/*/data/{PoseReport.channel}"
 
 
 class EdgeConnections:
-    """The buses of the edges, and what arrived on them since the last ``take``, the newest of each key."""
+    """The buses of the edges, and what arrived on them since the last ``take``, the newest of each key.
+
+    ``joined`` are the buses that are joined now, by edge.
+    """
 
     def __init__(self, task: ConsoleTask, directory: Path, view: FleetView, clock: Clock) -> None:
         self._view = view
@@ -43,7 +46,8 @@ class EdgeConnections:
         self._edges = EdgeBuses(
             task.edges, directory, clock, only=task.only, opened=self._opened, told=self._told
         )
-        self.watched = WatchedReports(view, self._edges.joined)
+        self.joined: Mapping[str, Bus] = self._edges.joined
+        self.watched = WatchedReports(view, self.joined)
         self._lock = threading.Lock()
         self._pending: dict[str, bytes] = {}
         self._takers: Mapping[str, Callable[[list[str], bytes], None]] = {

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import logging
 import sys
 from asyncio.subprocess import PIPE, Process
@@ -36,52 +37,62 @@ class Window(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     until: float
 
 
+class Export:
+    """A window that is being exported; whoever has it must ``end`` it, also when nothing of it was read."""
+
+    def __init__(self, process: Process) -> None:
+        self._process = process
+        self._timer = asyncio.get_running_loop().call_later(WITHIN, _kill, process)
+
+    async def begin(self, task: ExportTask) -> None:
+        """Give the process its task, and wait until it can write the file; raises Refused."""
+        await _begin(self._process, task)
+
+    async def blocks(self) -> AsyncIterator[bytes]:
+        """Yield what the process writes."""
+        assert self._process.stdout is not None
+        while block := await asyncio.wait_for(self._process.stdout.read(BLOCK), SILENT):
+            yield block
+        if await self._process.wait():
+            raise OSError("the process that exports has failed")
+
+    async def end(self) -> None:
+        """End the process, and wait for its end."""
+        self._timer.cancel()
+        _kill(self._process)
+        await self._process.wait()
+
+
 class Exports:
     """Exports the recordings in ``folders``."""
 
     def __init__(self, folders: Callable[[], Iterable[Path]]) -> None:
         self._folders = folders
-        self._process: Process | None = None
+        self._is_busy = False
 
-    async def export(self, window: Window, operator: Operator) -> AsyncIterator[bytes]:
-        """Return the file of a window, block by block; raises Refused."""
+    @contextlib.asynccontextmanager
+    async def export(self, window: Window, operator: Operator) -> AsyncIterator[Export]:
+        """Export a window while the context lasts, its file block by block; raises Refused."""
         if why := operator.permission.refusal(NEEDED):
             raise Refused(why)
         if not 0 <= window.since < window.until <= window.since + LONGEST:
             raise Refused(f"a window begins before it ends, and has {LONGEST / 60:g} min at most")
         if not is_installed():
             raise Refused(EXTRA)
-        if self._process is not None and self._process.returncode is None:
+        if self._is_busy:
             raise Refused("another window is being exported", hint="wait for its end")
-        log.info("%s exports the recording from %s until %s", operator.name, window.since, window.until)
-        there = tuple(str(folder) for folder in self._folders() if folder.is_dir())
-        process = await asyncio.create_subprocess_exec(*COMMAND, stdin=PIPE, stdout=PIPE)
-        self._process = process
-        asyncio.get_running_loop().call_later(WITHIN, _kill, process)
+        self._is_busy = True  # from here on: to start a process takes a while, in which others ask
         try:
-            await _begin(process, ExportTask(there, window.since, window.until))
-        except BaseException:
-            await _end(process)
-            raise
-        return _blocks(process)
-
-
-async def _blocks(process: Process) -> AsyncIterator[bytes]:
-    """Yield what the process writes; it ends with whoever reads that."""
-    assert process.stdout is not None
-    try:
-        while block := await asyncio.wait_for(process.stdout.read(BLOCK), SILENT):
-            yield block
-        if await process.wait():
-            raise OSError("the process that exports has failed")
-    finally:
-        await _end(process)
-
-
-async def _end(process: Process) -> None:
-    """End the process, and wait for its end."""
-    _kill(process)
-    await process.wait()
+            log.info("%s exports the recording from %s until %s", operator.name, window.since, window.until)
+            there = tuple(str(folder) for folder in self._folders() if folder.is_dir())
+            export = Export(await asyncio.create_subprocess_exec(*COMMAND, stdin=PIPE, stdout=PIPE))
+            try:
+                await export.begin(ExportTask(there, window.since, window.until))
+                yield export
+            finally:
+                await export.end()
+        finally:
+            self._is_busy = False
 
 
 def _kill(process: Process) -> None:

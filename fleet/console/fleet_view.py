@@ -30,6 +30,7 @@ KINDS = (
     "missions",
     "runs",
     "numbers",
+    "photos",
     "schedules",
     "requests",
 )

@@ -18,15 +18,25 @@ HOSTS = frozenset({"127.0.0.1", "localhost", "[::1]"})
 """Names of this computer; any port, because a tunnel may have another one at its other end."""
 
 
+FOXGLOVE = "/foxglove/"
+"""Where the addresses of the live view for Foxglove begin."""
+
+
 class Served(msgspec.Struct, frozen=True):
-    """The names by which a server is reached, and what is told to who comes by another one."""
+    """The names by which a server is reached, and what is told to who comes by another one.
+
+    ``viewers`` are the origins of Foxglove, which may open the live view alone.
+    """
 
     hosts: frozenset[str]
     advice: str
+    viewers: frozenset[str] = frozenset()
 
 
 LOOPBACK = Served(
-    HOSTS, "this console is reached by 127.0.0.1 or localhost; from elsewhere through a tunnel (ssh -L)"
+    HOSTS,
+    "this console is reached by 127.0.0.1 or localhost; from elsewhere through a tunnel (ssh -L)",
+    frozenset({"https://app.foxglove.dev", "file://"}),  # in a browser, and as a desktop program
 )
 LONGEST_BODY = 16 * 1024  # bytes of a request
 LONGEST_TARGET = 1024  # bytes of a path with its query
@@ -58,6 +68,8 @@ def refusal_of(method: str, headers: Headers, target: str, *, scheme: str, serve
         return ""
     if method not in ("POST", "WEBSOCKET"):
         return f"{method[:20]} is not served"
+    if method == "WEBSOCKET" and target.startswith(FOXGLOVE):
+        return _foreign_viewer(headers, served.viewers)
     refusal = _foreign(headers, f"{scheme}://{hosts[0]}")
     return refusal if refusal or method == "WEBSOCKET" else _body_refusal(headers)
 
@@ -69,6 +81,16 @@ def _foreign(headers: Headers, origin: str) -> str:
     if headers.get("sec-fetch-site", "same-origin") != "same-origin":
         return "it comes from another site"
     return ""
+
+
+def _foreign_viewer(headers: Headers, viewers: frozenset[str]) -> str:
+    """Return why a request is not from Foxglove, empty when it is.
+
+    A program that is no browser has no origin. The address has a token, which other pages do not know.
+    """
+    origins = headers.getlist("origin")
+    known = bool(viewers) and (not origins or (len(origins) == 1 and origins[0] in viewers))
+    return "" if known else "it comes from a page that is not Foxglove's"
 
 
 def _body_refusal(headers: Headers) -> str:

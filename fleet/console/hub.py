@@ -12,9 +12,11 @@ import msgspec
 
 from fleet.bus.settings import runtime_dirs
 from fleet.clock import Clock
+from fleet.console.basemap import MapTiles
 from fleet.console.edge_connections import EdgeConnections
 from fleet.console.exports import Exports
 from fleet.console.fleet_view import FleetView
+from fleet.console.foxglove.feed import Feed
 from fleet.console.past import Pasts
 from fleet.console.sessions import Operator
 from fleet.console.stops import Stops, StopTarget
@@ -38,7 +40,9 @@ class Hub:
         self.view = FleetView()
         self.edges = EdgeConnections(task, directory, self.view, clock)
         self.pasts = Pasts(task.recordings_now)
+        self.tiles = MapTiles(task.basemap, clock) if task.basemap is not None else None
         self.exports = Exports(task.recordings_now)
+        self.foxglove = Feed(self.edges.joined, clock)
         self.tabs: set[Tab] = set()
         self._stops = Stops(self.view, self.edges.lanes, _directories(directory), clock)
         self._tick = asyncio.Event()

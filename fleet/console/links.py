@@ -12,6 +12,7 @@ import os
 import socket
 from collections.abc import Callable
 from pathlib import Path
+from typing import Literal
 
 import msgspec
 
@@ -29,10 +30,11 @@ class ConsoleError(FleetError):
 
 
 class LinkAsked(msgspec.Struct, frozen=True):
-    """Asks for a link for a person by this name, who may do so much."""
+    """Asks for a link for a person by this name, who may do so much; or for an address for Foxglove."""
 
     operator: str
     permission: Permission
+    to: Literal["page", "foxglove"] = "page"
 
 
 class LinkGiven(msgspec.Struct, frozen=True):

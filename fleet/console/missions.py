@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+import asyncio
+from collections.abc import AsyncIterator, Iterable, Mapping, Sequence
+from functools import partial
 from typing import TypeVar
 
 import msgspec
@@ -10,12 +12,14 @@ import msgspec
 from fleet.bus import keys
 from fleet.bus.zenoh_session import ZenohSession
 from fleet.clock import Clock
-from fleet.console.requests import MissionAsked, RunAsked
+from fleet.console.requests import MissionAsked, RehearseAsked, RunAsked
 from fleet.console.sessions import Operator
 from fleet.errors import Refused, TimedOut
+from fleet.missions.rehearsal import RehearsalAsk, RehearsalState
 from fleet.missions.report import ControlAsk, Controlled, StartAsk, Started
 from fleet.runtime.decoding import decode_json
 
+LOOK = 0.3  # s between two questions for how a rehearsal goes
 ANSWER_WITHIN = 15.0  # s for an edge to start a mission: its robots join it first
 
 T = TypeVar("T")
@@ -32,6 +36,36 @@ def start(
         raise Refused(started.refusal, hint=started.hint)
     robots = ", ".join(name for names in started.roles.values() for name in names)
     return {"status": "accepted", "done": True, "reason": f"run {started.run} with {robots}"}
+
+
+async def rehearse(
+    asked: RehearseAsked, lanes: Sequence[ZenohSession], operator: Operator
+) -> AsyncIterator[RehearsalState]:
+    """Rehearse a mission; yield how it goes, the last with its result. Raises Refused, TimedOut.
+
+    Whoever does not ask on ends it: the edge gives up a rehearsal that nobody asks for.
+    """
+    key = keys.mission(asked.edge, asked.name)
+    wanted = StartAsk(inputs=asked.inputs, session_id=operator.name)
+    state = await _state(key, wanted, lanes, operator, "rehearse")
+    known = 0
+    while state.result is None:
+        yield state
+        await asyncio.sleep(LOOK)
+        known += len(state.notes)
+        state = await _state(key, RehearsalAsk(state.id, known), lanes, operator, "rehearsal")
+    yield state
+
+
+async def _state(
+    key: str, wanted: msgspec.Struct, lanes: Sequence[ZenohSession], operator: Operator, do: str
+) -> RehearsalState:
+    """Ask how a rehearsal goes; raises Refused, TimedOut."""
+    ask = partial(_ask, key, wanted, RehearsalState, lanes, operator, parameters={"do": do})
+    state = await asyncio.to_thread(ask)
+    if state.refusal or state.failure:
+        raise Refused(f"it cannot be rehearsed: {state.refusal or state.failure}")
+    return state
 
 
 def control(asked: RunAsked, lanes: Iterable[ZenohSession], operator: Operator) -> dict[str, object]:

@@ -12,7 +12,9 @@ from fleet.console.commands import shown_event
 from fleet.console.fleet_view import FleetView, Goals, id_of
 from fleet.history.record import Record
 from fleet.missions.report import RunState
-from fleet.model.report import PoseReport
+from fleet.model.description import RobotDescription
+from fleet.model.report import JointReport, PoseReport
+from fleet.model.schedule import ScheduleAnswer
 from fleet.model.state import EdgeState, RobotState
 from fleet.replay.reports import report_in
 from fleet.runtime.decoding import decode_json
@@ -55,7 +57,10 @@ class _Shown:
             "fleet.RunState": self._run,
             "fleet.Record": self._event,
             "fleet.Document": self._places,
+            "fleet.RobotDescription": self._description,
+            "fleet.ScheduleAnswer": self._schedules,
             "foxglove.PoseInFrame": self._pose,
+            "foxglove.JointStates": self._joints,
         }
 
     def take(self, message: ReadMessage) -> None:
@@ -111,12 +116,34 @@ class _Shown:
         if self._at - message.received <= SILENT:
             self._view.take_goals(message.edge, decode_json(message.data, Goals))
 
+    def _description(self, message: ReadMessage) -> None:
+        """Take the fence and the body of a robot."""
+        self._view.take_description(message.edge, decode_json(message.data, RobotDescription))
+
+    def _schedules(self, message: ReadMessage) -> None:
+        """Take the schedules of an edge."""
+        self._view.take_schedules(message.edge, decode_json(message.data, ScheduleAnswer).schedules)
+
     def _pose(self, message: ReadMessage) -> None:
-        """Take where a robot is."""
+        """Take where a robot is, and how it leans."""
         name = id_of(message.edge, message.robot)
         report = _pose_in(message)
         if report is not None and name in self._view.states:
             self._view.put("poses", name, self._view.shown_pose(name, report))
+            turned = report.rotation
+            leans = {"qw": turned.w, "qx": turned.x, "qy": turned.y, "qz": turned.z}
+            self._take_numbers(name, {f"position.{part}": value for part, value in leans.items()})
+
+    def _joints(self, message: ReadMessage) -> None:
+        """Take where the joints of a robot are; of those that were told long before nobody knows."""
+        report = report_in(message.schema, message.data)
+        if isinstance(report, JointReport) and self._at - message.received <= SILENT:
+            told = {f"joint_states.positions.{joint}": value for joint, value in report.positions.items()}
+            self._take_numbers(id_of(message.edge, message.robot), told)
+
+    def _take_numbers(self, name: str, numbers: Mapping[str, float]) -> None:
+        """Take numbers that a robot has reported."""
+        self._view.put("numbers", name, {**(self._view.get("numbers", name) or {}), **numbers})
 
 
 def _pose_in(message: ReadMessage) -> PoseReport | None:

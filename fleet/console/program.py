@@ -18,6 +18,7 @@ import msgspec
 from fleet.bus.settings import runtime_dir
 from fleet.clock import SystemClock
 from fleet.console.app import make_app
+from fleet.console.guard import FOXGLOVE
 from fleet.console.hub import Hub
 from fleet.console.links import ConsoleError, LinkAsked, serve_links
 from fleet.console.login_server import LoginServer
@@ -44,6 +45,8 @@ async def serve(task: ConsoleTask, directory: Path, ended: asyncio.Event) -> Non
     port = listener.getsockname()[1]
 
     def make_link(asked: LinkAsked) -> str:
+        if asked.to == "foxglove":
+            return f"ws://{HOST}:{port}{FOXGLOVE}{hub.foxglove.tokens.new()}"
         token = sessions.new_link(Operator(asked.operator, asked.permission))
         return f"http://{HOST}:{port}/#token={token}"
 

@@ -84,6 +84,15 @@ class MissionAsked(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_
     inputs: dict[str, Any] = {}
 
 
+class RehearseAsked(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field="ask", tag="rehearse"):
+    """Rehearse a mission that an edge knows, with simulated robots; told until its end."""
+
+    request: str
+    edge: str
+    name: str
+    inputs: dict[str, Any] = {}
+
+
 class RunAsked(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field="ask", tag="run"):
     """Control a run, or answer its ``question``."""
 
@@ -175,6 +184,7 @@ Request = (
     | CausesAsked
     | HistoryAsked
     | MissionAsked
+    | RehearseAsked
     | RunAsked
     | ControlAsked
     | GiveAsked
@@ -198,6 +208,7 @@ _NEEDS: Mapping[type[object], Permission] = {
     GotoAsked: Permission.OPERATE,
     DriveAsked: Permission.OPERATE,
     MissionAsked: Permission.OPERATE,
+    RehearseAsked: Permission.OPERATE,
     RunAsked: Permission.OPERATE,
     ControlAsked: Permission.OPERATE,
     GiveAsked: Permission.OPERATE,

@@ -23,6 +23,7 @@ from fleet.console.requests import (
     GotoAsked,
     MissionAsked,
     PingAsked,
+    RehearseAsked,
     ReleaseAsked,
     Request,
     RunAsked,
@@ -69,6 +70,7 @@ class Tab:
             GotoAsked: self._command,
             CommandAsked: self._command,
             MissionAsked: self._mission,
+            RehearseAsked: self._rehearse,
             RunAsked: self._run,
             ControlAsked: self._control,
             GiveAsked: self._give,
@@ -195,6 +197,14 @@ class Tab:
         lanes = list(self._hub.edges.lanes().values())
         start = asyncio.to_thread(missions.start, asked, lanes, self._operator, self._hub.clock)
         await self._tell(asked.request, "", await start)
+
+    async def _rehearse(self, asked: RehearseAsked) -> None:
+        """Rehearse a mission; its end goes with the page."""
+        lanes = list(self._hub.edges.lanes().values())
+        async for state in missions.rehearse(asked, lanes, self._operator):
+            done = {} if state.result is None else {"done": True}
+            told = {"status": "accepted", "rehearsal": msgspec.to_builtins(state), **done}
+            await self._tell(asked.request, "", told)
 
     async def _run(self, asked: RunAsked) -> None:
         """Control a run."""

@@ -30,6 +30,16 @@ class LoginTask(msgspec.Struct, frozen=True):
     hosts: tuple[str, ...] = ()
 
 
+class Basemap(msgspec.Struct, frozen=True):
+    """The map under the robots: a PMTiles archive of pictures, and where the origin of the site is.
+
+    ``origin``: latitude and longitude in degrees, altitude in m AMSL.
+    """
+
+    path: str
+    origin: tuple[float, float, float]
+
+
 class ConsoleTask(msgspec.Struct, frozen=True):
     """One console.
 
@@ -37,7 +47,8 @@ class ConsoleTask(msgspec.Struct, frozen=True):
     so does a port that is taken, with ``any_port``.
     ``edges``: those to reach besides, or with ``only`` instead of, all that run on this computer.
     ``recordings``: folders of recordings to show; ``beside`` a folder also those of each edge in it.
-    ``login``: its port beyond loopback, None for none. ``parent``: the process that it ends with, 0 for none.
+    ``basemap``: the map to show, None for the grid alone. ``login``: its port beyond loopback, None for
+    none. ``parent``: the process that it ends with, 0 for none.
     """
 
     name: str
@@ -47,6 +58,7 @@ class ConsoleTask(msgspec.Struct, frozen=True):
     only: bool = False
     recordings: tuple[str, ...] = ()
     beside: str = ""
+    basemap: Basemap | None = None
     login: LoginTask | None = None
     parent: int = 0
 

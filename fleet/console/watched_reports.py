@@ -13,8 +13,12 @@ import msgspec
 from fleet.bus.bus import Bus
 from fleet.console.fleet_view import FleetView
 from fleet.console.numbers import numbers_in
+from fleet.console.photos import Photos
+from fleet.model.report import PhotoReport
 from fleet.model.state import RobotState
 from fleet.wire.topics import parse_data_key
+
+ANSWER_WITHIN = 2.0  # s for the last picture
 
 
 class _Watch(msgspec.Struct, frozen=True, eq=False):
@@ -25,9 +29,13 @@ class _Watch(msgspec.Struct, frozen=True, eq=False):
 
 
 class WatchedReports:
-    """The newest reports of watched robots. ``joined`` are the buses by edge, as they are joined."""
+    """The newest reports of watched robots. ``joined`` are the buses by edge, as they are joined.
+
+    ``photos`` are the newest pictures.
+    """
 
     def __init__(self, view: FleetView, joined: Mapping[str, Bus]) -> None:
+        self.photos = Photos()
         self._view = view
         self._joined = joined
         self._watched: dict[str, _Watch] = {}
@@ -56,14 +64,30 @@ class WatchedReports:
                 self._arrived[robot, key] = sample
 
         self._watched[robot] = _Watch(bus, bus.reports.subscribe(f"cw/{state.twin}/data/**", arrived))
+        photo = f"cw/{state.twin}/data/{PhotoReport.channel}"
+        bus.reports.ask_later(
+            photo,
+            b"",
+            timeout=ANSWER_WITHIN,
+            on_answer=lambda sample: arrived(photo, sample),
+            on_end=lambda: None,
+        )
 
     def take(self) -> None:
-        """Take the numbers of what arrived into the view."""
+        """Take the numbers and the pictures of what arrived into the view."""
         with self._lock:
             arrived, self._arrived = self._arrived, {}
         found: dict[str, dict[str, float]] = {}
         for (robot, key), sample in arrived.items():
-            if robot in self._watched:
+            if robot in self._watched and key.endswith(f"/{PhotoReport.channel}"):
+                self._take_photo(robot, sample)
+            elif robot in self._watched:
                 found.setdefault(robot, {}).update(numbers_in(key, sample))
         for robot, numbers in found.items():
             self._view.put("numbers", robot, (self._view.get("numbers", robot) or {}) | numbers)
+
+    def _take_photo(self, robot: str, sample: bytes) -> None:
+        """Take a picture; a page loads it when it is told that there is one."""
+        told = self.photos.take(robot, sample)
+        if told is not None:
+            self._view.put("photos", robot, told)

@@ -8,6 +8,7 @@ from collections.abc import Callable, Iterable, Sequence
 from fleet.config.other_edges import LeaseConfig, host_of, port_of
 from fleet.config.pair import is_local_link
 from fleet.doctor.finding import Finding, error, ok, warning
+from fleet.model.state import EdgeState
 
 PAIR = "pair"
 WITHIN = 3.0  # s for one connection
@@ -64,6 +65,15 @@ def check_pair(
     return found or [
         ok(PAIR, f"the lease service answers at {', '.join(lease.servers)}, on another computer")
     ]
+
+
+def check_files(pair: Iterable[str], states: Iterable[EdgeState]) -> list[Finding]:
+    """Judge whether the two edges of a pair, as far as they answer, run with the same file."""
+    files = {state.edge: state.pair_file for state in states if state.edge in pair and state.pair_file}
+    if len(set(files.values())) < 2:
+        return [ok(PAIR, "both edges of the pair run with the same file")] if len(files) > 1 else []
+    what = f"{' and '.join(sorted(files))} run with different files: neither takes over from the other"
+    return [error(PAIR, what, "give both the same file, then fleet apply on each")]
 
 
 def _judge_place(here: Sequence[str], servers: Sequence[str]) -> list[Finding]:

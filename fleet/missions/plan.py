@@ -23,6 +23,7 @@ from fleet.wire.missions import CONTRACT, plan_of
 
 _GLOBAL, _ABOVE_HOME = 0, 3  # MAV_FRAME
 _MISSION_FRAME = 2
+_LANDING_PATTERN = "fwLandingPattern"
 TAKEOFF, LAND = 22, 21
 _SPEED = 178  # MAV_CMD_DO_CHANGE_SPEED
 _Params = list[Any]
@@ -38,6 +39,11 @@ def _turns(params: _Params) -> dict[str, Any]:
     return {"turns": int(params[0] or 1), "radius_m": abs(params[2] or 0), "direction": _direction(params[2])}
 
 
+def _until_high(params: _Params) -> dict[str, Any]:
+    """Return the circle of a climb or descent in circles."""
+    return {"radius_m": abs(params[1] or 0), "direction": _direction(params[1])}
+
+
 def _direction(radius: float | None) -> str:
     """Return which way round; a negative radius is counter-clockwise."""
     return "ccw" if (radius or 0) < 0 else "cw"
@@ -50,6 +56,8 @@ _ITEMS: Mapping[int, tuple[str, Callable[[_Params], dict[str, Any]]]] = MappingP
         18: ("loiter_turns", _turns),
         19: ("loiter_time", _seconds),
         20: ("return_to_launch", lambda _: {}),
+        LAND: ("land", lambda _: {}),
+        31: ("loiter_to_altitude", _until_high),
         189: ("land_start", lambda _: {}),
     }
 )
@@ -216,9 +224,23 @@ def _simple(items: list[Mapping[str, Any]]) -> Iterator[Mapping[str, Any]]:
     for item in items:
         if item["type"] == "SimpleItem":
             yield item
+        elif item.get("complexItemType") == _LANDING_PATTERN:
+            yield from _landing_pattern(item)
         else:
             transect = item.get("TransectStyleComplexItem", item)
             yield from _simple(transect["Items"])
+
+
+def _landing_pattern(item: Mapping[str, Any]) -> Iterator[Mapping[str, Any]]:
+    """Yield the items of a plane's landing: its start, the approach at its height, and the touch-down."""
+    frame = _ABOVE_HOME if item["altitudesAreRelative"] else _GLOBAL
+    radius = abs(item["loiterRadius"]) * (1 if item["loiterClockwise"] else -1)
+    circles = bool(item.get("useLoiterToAlt", True))
+    approach = item["landingApproachCoordinate"]
+    yield {"command": 189, "frame": _MISSION_FRAME, "params": [0, 0, 0, 0, 0, 0, 0]}
+    first = [1, radius, 0, 1] if circles else [0, 0, 0, None]
+    yield {"command": 31 if circles else 16, "frame": frame, "params": [*first, *approach]}
+    yield {"command": LAND, "frame": frame, "params": [0, 0, 0, None, *item["landCoordinate"]]}
 
 
 def _is_nothing(value: Any) -> bool:

@@ -74,12 +74,23 @@ class RehearsedRobot(msgspec.Struct, frozen=True, omit_defaults=True):
     battery_left: float | None = None
 
 
+class RehearsedTrack(msgspec.Struct, frozen=True):
+    """Where a robot went: points of simulated seconds of the run, x, y and z in the site's frame, metres.
+
+    Between two points it went straight. A robot that stood has a point at the end of that, too.
+    """
+
+    robot: str
+    points: tuple[tuple[float, float, float, float], ...]
+
+
 class RehearsalResult(msgspec.Struct, frozen=True, omit_defaults=True):
     """How a rehearsal went. ``seconds`` are simulated, ``took`` those of the computer.
 
     ``outcome`` is that of the run. ``troubles``: why it is no pass, empty when it is one. ``assumed``: what
     a rehearsal cannot show and took for granted. ``pass_until`` is the Unix time until which the edge lets
-    the mission be started by it, 0 when it does not.
+    the mission be started by it, 0 when it does not. ``tracks``: those of robots in roles, as far as they are
+    placed in the site's frame.
     """
 
     mission: str
@@ -95,6 +106,7 @@ class RehearsalResult(msgspec.Struct, frozen=True, omit_defaults=True):
     seed: int = 1
     took: float = 0.0
     pass_until: float = 0.0
+    tracks: tuple[RehearsedTrack, ...] = ()
 
     @property
     def passed(self) -> bool:

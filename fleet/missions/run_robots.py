@@ -101,6 +101,11 @@ class RunRobots:
         """Return the robots that may be commanded."""
         return [each for each in self.members.values() if each.ours]
 
+    def needs(self, robot: str) -> bool:
+        """Return whether a robot is commanded by the run, or may be yet."""
+        member = self.members.get(robot)
+        return member is not None and (member.within or member.ours or member.spare)
+
     def active(self, *kinds: Kind) -> list[Part]:
         """Return the parts under way of these kinds; of none: of all."""
         return [part for part in self._active.values() if not kinds or part.kind in kinds]

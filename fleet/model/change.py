@@ -7,8 +7,11 @@ from typing import Literal
 
 import msgspec
 
-FORMAT = 1
-"""The format of these messages; whoever is asked in a newer one says so and does nothing."""
+FORMAT = 2
+"""The format of these messages; whoever is asked in a newer one says so and does nothing.
+
+2: ``renamed``; who asks in format 1 is told of a robot that was added.
+"""
 
 
 class ChangeKind(StrEnum):
@@ -16,6 +19,7 @@ class ChangeKind(StrEnum):
 
     ADDED = "added"
     REMOVED = "removed"
+    RENAMED = "renamed"  # taken out under one name and added under another, with its emergency stop
     REBUILT = "rebuilt"  # its adapter is ended and started again with the new configuration
     SETTINGS = "settings only"  # taken over while the adapter goes on
     RESTART = "restart"  # only the next start of the edge takes it
@@ -45,6 +49,35 @@ class Change(msgspec.Struct, frozen=True, omit_defaults=True):
     why: str = ""
     outcome: Outcome = Outcome.PLANNED
     section: bool = False
+
+
+class HoldRobot(msgspec.Struct, frozen=True):
+    """What a worker is asked of one robot: ``given`` is its configuration as fleet.yaml has it (JSON).
+
+    ``whole``: its adapter goes on with it, so that a robot at rest may take all of it over.
+    """
+
+    given: str
+    whole: bool = False
+
+
+class HoldAsked(msgspec.Struct, frozen=True, omit_defaults=True):
+    """What a worker is asked: settings of its robots, by name, and groups of the edge; None: as before."""
+
+    robots: dict[str, HoldRobot] = {}
+    groups: dict[str, list[str]] | None = None
+
+
+class HeldRobot(msgspec.Struct, frozen=True, omit_defaults=True):
+    """What came of it: ``complete``: it runs with the new configuration; ``changed``: with stricter settings.
+
+    ``settings`` are those that it is held to now (JSON); ``why`` it is held to none of the new ones.
+    """
+
+    complete: bool = False
+    changed: bool = False
+    settings: str = ""
+    why: str = ""
 
 
 class ChangesAsked(msgspec.Struct, frozen=True, omit_defaults=True):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import msgspec
 
+from fleet.model.body import BodyPart
 from fleet.model.polygon import Polygon
 
 
@@ -50,6 +51,7 @@ class RobotDescription(msgspec.Struct, frozen=True, omit_defaults=True):
 
     ``plans``: autopilots and kinds of vehicle for which the missions are made that it flies; none: any.
     ``verbs`` are motions with a speed or a distance (``move_forward``); ``limits`` are in m/s, rad/s and m.
+    ``body``: for drawings of it.
     """
 
     robot: str
@@ -62,3 +64,4 @@ class RobotDescription(msgspec.Struct, frozen=True, omit_defaults=True):
     plans: tuple[str, ...] = ()
     limits: dict[str, float] = {}
     fence: FenceDescription | None = None
+    body: tuple[BodyPart, ...] = ()

@@ -79,7 +79,8 @@ class EdgeState(msgspec.Struct, frozen=True, omit_defaults=True):
     subscribes to their topics, and light ones (``queued_bytes``); ``refused`` were refused in either
     direction, ``dropped`` lost.
     ``round_trip`` is seconds to the cloud and back. ``groups`` and ``places`` are those of its fleet.yaml.
-    ``pair`` is what it is in its pair (holder, standby or fenced), ``epoch`` that of its lease.
+    ``pair`` is what it is in its pair (holder, standby or fenced), ``epoch`` that of its lease,
+    ``pair_file`` the digest of what the files of both must agree about.
     """
 
     edge: str
@@ -107,3 +108,4 @@ class EdgeState(msgspec.Struct, frozen=True, omit_defaults=True):
     places: dict[str, Place] = {}
     pair: str = ""
     epoch: int = 0
+    pair_file: str = ""

@@ -14,8 +14,9 @@ import stat
 import sys
 import traceback
 import typing
+from importlib.machinery import SourceFileLoader
 from pathlib import Path
-from types import ModuleType
+from types import CodeType, ModuleType
 
 import msgspec
 
@@ -77,17 +78,32 @@ def import_file(path: Path) -> Imported:
     return Imported(tuple(adapters), tuple(reports))
 
 
+class _Uncached(SourceFileLoader):
+    """Compiles a file as it is now.
+
+    Python's cache of compiled files knows a change by whole seconds and the length: one that corrects a
+    digit at once would be accepted, and the robot would go on with the code from before.
+    """
+
+    def get_code(self, fullname: str) -> CodeType:
+        """Return the code of the module."""
+        path = self.get_filename(fullname)
+        return self.source_to_code(self.get_data(path), path)
+
+
 def _module_from(path: Path) -> ModuleType:
     """Execute a file as the module ``fleet_plugins.<stem>``."""
     name = f"fleet_plugins.{path.stem}"
-    spec = importlib.util.spec_from_file_location(name, path)
-    if spec is None or spec.loader is None:
+    if path.suffix != ".py":
         raise Unusable("it is not a Python file")
+    loader = _Uncached(name, str(path))
+    spec = importlib.util.spec_from_file_location(name, path, loader=loader)
+    assert spec is not None
     module = importlib.util.module_from_spec(spec)
     sys.modules[name] = module  # pydantic looks annotations up there
     try:
         with contextlib.redirect_stdout(sys.stderr):
-            spec.loader.exec_module(module)
+            loader.exec_module(module)
     except BaseException:
         del sys.modules[name]
         raise

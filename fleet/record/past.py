@@ -20,7 +20,15 @@ MOST_CHUNKS = 96  # that are unpacked for a moment
 KEPT = 8  # files whose chunks stay known
 SEVERAL: Mapping[str, int] = MappingProxyType({"fleet.Record": 60, "fleet.RunState": 60})
 """Schemas of which a moment has more than the newest message, and how many of all topics."""
-_NEWEST = frozenset({"fleet.RobotState", "fleet.EdgeState"})
+_NEWEST = frozenset(
+    {
+        "fleet.RobotState",
+        "fleet.EdgeState",
+        "fleet.RobotDescription",
+        "fleet.ScheduleAnswer",
+        "foxglove.JointStates",
+    }
+)
 _SECOND = 1_000_000_000
 
 

@@ -92,9 +92,9 @@ class Recorder:
         if not samples and not events:
             return
         file = self._ring.file(self._clock.time())
-        if file.path != self._path:  # each file tells by itself which missions were under way
+        if file.path != self._path:  # each file tells by itself what was so at its beginning
             self._path = file.path
-            for message in self._reader.open_runs:
+            for message in self._reader.standing:
                 file.add(message, self._now())
         for received, edge, key, payload in samples:
             for message in self._reader.read(edge, key, payload):

@@ -19,8 +19,11 @@ from fleet.bus.zenoh_session import ZenohSession
 from fleet.clock import Clock
 from fleet.history.event_filter import EventFilter
 from fleet.history.record import Record
+from fleet.model.permission import Permission
+from fleet.model.schedule import ScheduleAsked
 from fleet.record.recorder import Recorder
 from fleet.record.ring import Ring
+from fleet.record.sources import REPORTS, asked_first, published
 from fleet.record.task import RecordTask
 from fleet.runtime.decoding import decode_json
 
@@ -30,18 +33,9 @@ EVERY = 0.4
 """Seconds between two writes to the disk: what a recorder that is killed may lose, with the time of one."""
 HISTORY_EVERY = 1.0  # s between questions for the history; each reads it from the disk of the edge
 ANSWER_WITHIN = 2.0  # s for states and history
+LASTING_EVERY = 5.0
+"""Seconds between questions for fences, bodies and schedules, of which only changes are recorded."""
 OVERLAP = 2.0  # s that are asked for again: workers write their events later than the edge does
-REPORTS = "cw/*/data/**"
-
-
-def published(edge: str) -> tuple[str, ...]:
-    """Return the keys on which an edge publishes what is recorded besides reports."""
-    return (*asked_first(edge), keys.places(edge, "*"), keys.held(edge), keys.stop(edge))
-
-
-def asked_first(edge: str) -> tuple[str, ...]:
-    """Return the keys whose last value is asked for: what does not change is not published soon."""
-    return (keys.state(edge, "*"), keys.health(edge), keys.run(edge, "*"))
 
 
 async def record(
@@ -66,7 +60,7 @@ async def record(
             with contextlib.suppress(TimeoutError):
                 await asyncio.wait_for(ended.wait(), EVERY)
             for edge, bus in edges.joined.items():
-                joined.ask_history(edge, bus.control)
+                joined.ask(edge, bus.control)
             await asyncio.to_thread(recorder.write)
             if recorder.problem != known:
                 known = recorder.problem
@@ -84,7 +78,9 @@ class _Joined:
 
     def __init__(self, recorder: Recorder, clock: Clock) -> None:
         self._recorder = recorder
+        self._clock = clock
         self._history = _History(recorder, clock)
+        self._asked: dict[str, float] = {}
 
     def told(self, edge: str, problem: str | None) -> None:
         """Log which edge is recorded."""
@@ -103,9 +99,25 @@ class _Joined:
         for key in (REPORTS, keys.frames(edge, "*")):
             bus.reports.gather(key, partial(self._recorder.take_many, edge))
 
-    def ask_history(self, edge: str, control: ZenohSession) -> None:
-        """Ask for the newest events of an edge."""
+    def ask(self, edge: str, control: ZenohSession) -> None:
+        """Ask for the newest events of an edge, and now and then for what holds until it changes."""
         self._history.ask(edge, control)
+        now = self._clock.monotonic()
+        if now - self._asked.get(edge, float("-inf")) < LASTING_EVERY:
+            return
+        self._asked[edge] = now
+        schedules = keys.as_console(keys.schedules(edge), Permission.VIEW.word, control.identity)
+        for key, asked, payload in (
+            (keys.description(edge, "*"), keys.description(edge, "*"), b""),
+            (keys.schedules(edge), schedules, msgspec.json.encode(ScheduleAsked())),
+        ):
+            control.ask_later(
+                asked,
+                payload,
+                timeout=ANSWER_WITHIN,
+                on_answer=partial(self._recorder.take, edge, key),
+                on_end=lambda: None,
+            )
 
 
 class _History:

@@ -12,6 +12,8 @@ import msgspec
 from fleet.history.record import Record
 from fleet.link.tap import LinkFrames
 from fleet.missions.report import RunState
+from fleet.model.description import RobotDescription
+from fleet.model.schedule import ScheduleAnswer
 from fleet.model.state import EdgeState, RobotState
 from fleet.record.messages import Message, placement_message, report_messages, unread
 from fleet.record.schemas import DOCUMENT
@@ -30,6 +32,7 @@ class SampleReader:
         self._told_frames: dict[str, tuple[int, int]] = {}  # number and dropped of each process, the last
         self._lost = 0
         self._runs: dict[tuple[str, str], Message] = {}
+        self._lasting: dict[str, Message] = {}  # by topic
 
     def read(self, edge: str, key: str, payload: bytes) -> list[Message]:
         """Return what to record of a sample that came by the bus of an edge.
@@ -52,9 +55,9 @@ class SampleReader:
             return [unread(topic, payload)]
 
     @property
-    def open_runs(self) -> list[Message]:
-        """The runs that have not ended, as they were told last: they are told again only when they change."""
-        return list(self._runs.values())
+    def standing(self) -> list[Message]:
+        """What holds until it changes: runs that have not ended, fences and bodies of robots, schedules."""
+        return [*self._lasting.values(), *self._runs.values()]
 
     def take_lost(self) -> int:
         """Return how many frames, or messages of them, did not come since the last call."""
@@ -64,6 +67,8 @@ class SampleReader:
     def _of_edge(self, topic: str, inner: list[str], payload: bytes) -> list[Message]:
         """Return what an edge publishes itself; raises for what cannot be read."""
         kind = inner[0] if inner else ""
+        if kind == "schedules" or (kind == "robots" and inner[-1] == "description"):
+            return self._changed(_lasting_message(topic, kind, payload))
         if kind == "robots" and inner[-1] == "state":
             return self._state(decode_json(payload, RobotState))
         if kind == "health":
@@ -87,6 +92,13 @@ class SampleReader:
                 self._runs.pop(next(iter(self._runs)))
         return message
 
+    def _changed(self, message: Message) -> list[Message]:
+        """Return a message that is not what its topic said last, and keep it; else nothing."""
+        if self._lasting.get(message.topic) == message:
+            return []
+        self._lasting[message.topic] = message
+        return [message]
+
     def _of_links(self, topic: str, told: LinkFrames, payload: bytes) -> list[Message]:
         """Return the frames of a link, and count those that did not come."""
         number, dropped = self._told_frames.get(topic, (told.number - 1, 0))
@@ -105,6 +117,20 @@ class SampleReader:
         if state.placement is not None:
             told.append(placement_message(robot, state.placement, state.stamp))
         return told
+
+
+def _lasting_message(topic: str, kind: str, payload: bytes) -> Message:
+    """Return the schedules of an edge, or what a drawing needs of a robot's description; raises DecodeError.
+
+    What a robot would refuse now is none of it.
+    """
+    if kind == "schedules":
+        decode_json(payload, ScheduleAnswer)
+        return Message(topic, "fleet.ScheduleAnswer", payload)
+    told = decode_json(payload, RobotDescription)
+    kept = RobotDescription(told.robot, told.adapter, (), fence=told.fence, body=told.body)
+    edge = topic.split("/")[1]
+    return Message(f"/{edge}/{told.robot}/description", "fleet.RobotDescription", _encode(kept))
 
 
 def event_message(edge: str, event: Record) -> Message:

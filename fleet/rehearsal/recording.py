@@ -1,13 +1,14 @@
-"""What is noted of a rehearsal as it goes: what robots did, what happened, and how near they came."""
+"""What is noted of a rehearsal as it goes: what robots did and where, what happened, how near they came."""
 
 from __future__ import annotations
 
 import asyncio
 import itertools
+import math
 from collections.abc import Callable, Iterable, Mapping
 
 from fleet.host.safety.separation import Occupant
-from fleet.missions.rehearsal import Approach, RehearsalNote, RehearsedPart
+from fleet.missions.rehearsal import Approach, RehearsalNote, RehearsedPart, RehearsedTrack
 from fleet.missions.state import Part
 from fleet.missions.store import Change, Store
 
@@ -15,6 +16,11 @@ WRITES = 0.005  # s that a disk takes for a change
 MOVES = 0.05  # m/s from which on a robot moves
 ROUNDED = 0.05  # m that two robots which stand may seem nearer
 SHOWN = 10  # pairs of robots, the nearest first
+APART = 0.1  # m between two points of a track
+STANDS = 0.02  # m between two looks below which a robot stands
+MOST_POINTS = 400  # of one track; one with more gets coarser
+Point = tuple[float, float, float, float]
+"""Simulated seconds of the run, and metres."""
 
 
 class NotedChanges(Store):
@@ -95,3 +101,52 @@ class Distances:
             Approach(each.robots, round(each.metres, 2), round(each.at, 1), round(each.kept, 2))
             for each in found[:SHOWN]
         )
+
+
+class Tracks:
+    """Where robots that take part went, coarse enough for a drawing."""
+
+    def __init__(self, taking_part: Iterable[str]) -> None:
+        self._tracks = {name: _Track() for name in sorted(taking_part)}
+
+    def look(self, robots: Mapping[str, Occupant], at: float) -> None:
+        """Take where the robots are at ``at`` (simulated s of the run)."""
+        for name, track in self._tracks.items():
+            if name in robots:
+                here = robots[name].at
+                track.add((round(at, 1), round(here.x, 2), round(here.y, 2), round(here.z, 2)))
+
+    def all(self) -> tuple[RehearsedTrack, ...]:
+        """Return the tracks of robots that were seen."""
+        found = ((name, track.points()) for name, track in self._tracks.items())
+        return tuple(RehearsedTrack(name, points) for name, points in found if points)
+
+
+class _Track:
+    """The points of one robot; ``_apart`` grows with their number."""
+
+    def __init__(self) -> None:
+        self._kept: list[Point] = []
+        self._last: Point | None = None
+        self._moves = False
+        self._apart = APART
+
+    def add(self, point: Point) -> None:
+        """Take the next point; what is kept is the way, and where it began and ended to move."""
+        last, self._last = self._last, point
+        if last is None:
+            self._kept.append(point)
+            return
+        moved, self._moves = self._moves, math.dist(last[1:], point[1:]) > STANDS
+        if moved != self._moves and last != self._kept[-1]:
+            self._kept.append(last)
+        if math.dist(self._kept[-1][1:], point[1:]) >= self._apart:
+            self._kept.append(point)
+        if len(self._kept) > MOST_POINTS:
+            self._kept = self._kept[::2]
+            self._apart *= 2
+
+    def points(self) -> tuple[Point, ...]:
+        """Return the points, with the last."""
+        more = [self._last] if self._last is not None and self._last != self._kept[-1] else []
+        return (*self._kept, *more)

@@ -27,7 +27,7 @@ from fleet.missions.state import Facts, Outcome, Phase, RunOutcome, instruction_
 from fleet.model.command import Origin, Transport
 from fleet.model.state import RobotState
 from fleet.rehearsal.common_start import SimulatedStart
-from fleet.rehearsal.recording import MOVES, Distances, NotedChanges
+from fleet.rehearsal.recording import MOVES, Distances, NotedChanges, Tracks
 from fleet.rehearsal.simulated_robots import SimulatedRobots, players_of
 from fleet.runtime.simulated_time import JumpingLoop, LoopClock
 
@@ -93,8 +93,10 @@ class Rehearsal:
             self._start()
             run = await self._begun()
             distances = Distances(self._members)
-            late = await self._follow(run, distances)
-            return self._result(run, distances, before, late)
+            tracks = Tracks(self._members)
+            late = await self._follow(run, distances, tracks)
+            result = self._result(run, distances, before, late)
+            return msgspec.structs.replace(result, tracks=tracks.all())
 
     # -- the robots ------------------------------------------------------------------------------------
 
@@ -172,14 +174,16 @@ class Rehearsal:
         """Take the state of the run."""
         self._last = state
 
-    async def _follow(self, run: Run, distances: Distances) -> str:
+    async def _follow(self, run: Run, distances: Distances, tracks: Tracks) -> str:
         """Follow the run to its end; return why that was not waited for, empty when it was."""
         for step in itertools.count():
             if run.engine.over:
                 return ""
             await asyncio.sleep(STEP)
             robots = ((name, self._robots.traffic.one(name)) for name in self._robots.robots)
-            distances.look({name: each for name, each in robots if each is not None}, run.now)
+            placed = {name: each for name, each in robots if each is not None}
+            distances.look(placed, run.now)
+            tracks.look(placed, run.now)
             self._note_wait(run)
             if step % LOOK == 0:
                 self._runs.turn()

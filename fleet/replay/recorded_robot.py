@@ -13,7 +13,15 @@ from fleet.runtime.decoding import decode_json
 
 FRAMES = "fleet.LinkFrames"
 _NO_REPORTS = frozenset(
-    {"foxglove.FrameTransform", "fleet.RobotState", "fleet.Record", "fleet.Document", "fleet.Unread", FRAMES}
+    {
+        "foxglove.FrameTransform",
+        "fleet.RobotState",
+        "fleet.RobotDescription",
+        "fleet.Record",
+        "fleet.Document",
+        "fleet.Unread",
+        FRAMES,
+    }
 )
 """What is below the topics of a robot and is no report; a transform repeats the pose."""
 _STAMPS = ("timestamp", "stamp")

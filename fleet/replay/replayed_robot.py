@@ -123,6 +123,9 @@ class ReplayedRobot:
     def lacks(self, reasons: Mapping[str, str]) -> None:
         """Take what the robot does not have; nothing is asked of it."""
 
+    def circles(self, radius: float) -> None:
+        """Take how wide the robot circles; nothing is kept apart from it."""
+
     def leave_halt(self, link: Link, frames: Iterable[bytes], address: Address = None) -> None:
         """Take what would halt the robot; there is none."""
 

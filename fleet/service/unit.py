@@ -30,7 +30,7 @@ class ServiceSpec(msgspec.Struct, frozen=True):
     """What the unit of an edge is made from.
 
     ``file`` is its fleet file, ``python`` the interpreter of its environment, ``writable`` the folders that
-    it writes besides those that systemd makes.
+    it writes besides those that systemd makes. ``of_a_pair``: the file is for two edges; this is one of them.
     """
 
     edge: str
@@ -38,6 +38,7 @@ class ServiceSpec(msgspec.Struct, frozen=True):
     python: Path
     devices: Devices = Devices()
     writable: tuple[Path, ...] = ()
+    of_a_pair: bool = False
 
     @property
     def unit(self) -> str:
@@ -55,7 +56,9 @@ def spec_of(loaded: Loaded, file: Path, python: Path) -> ServiceSpec:
 
     Raises ConfigError for what a service cannot have, with all reasons.
     """
-    spec = ServiceSpec(loaded.config.edge.id, file, python, devices_of(loaded), _writable(loaded.config))
+    config = loaded.config
+    pair = config.pair is not None
+    spec = ServiceSpec(config.edge.id, file, python, devices_of(loaded), _writable(config), of_a_pair=pair)
     problems = [*_hidden(spec), *(f"{name!r} cannot stand in a unit or udev rule" for name in _unsafe(spec))]
     if problems:
         raise ConfigError("; ".join(problems))
@@ -131,7 +134,8 @@ def _process(spec: ServiceSpec) -> list[str]:
     the edge its robots and workers; what is left after TimeoutStopSec= is killed. An invalid fleet file (3)
     waits for a person.
     """
-    command = [spec.python, "-P", "-m", "fleet", "run", "--", spec.file]
+    which = ["--edge-id", spec.edge] if spec.of_a_pair else []
+    command = [spec.python, "-P", "-m", "fleet", "run", *which, "--", spec.file]
     return [
         "Type=notify",
         "NotifyAccess=main",

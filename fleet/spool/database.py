@@ -16,6 +16,8 @@ log = logging.getLogger(__name__)
 
 PAGE = 4096
 """Bytes of one page of the file."""
+CACHE = 512
+"""KiB of pages that a connection keeps in memory; SQLite's own 2,000 would grow in every file for hours."""
 BUSY = 2.0
 """Seconds to wait for another process that writes."""
 BROKEN = ".broken"
@@ -91,6 +93,7 @@ def _opened(path: Path, formats: Sequence[str], synchronous: Synchronous, busy: 
     try:
         found = format_of(connection, len(formats))  # before anything is changed in it
         connection.execute(f"PRAGMA page_size = {PAGE}")
+        connection.execute(f"PRAGMA cache_size = -{CACHE}")
         connection.execute("PRAGMA journal_mode = WAL")
         connection.execute(f"PRAGMA synchronous = {synchronous}")
         _check(connection, found)

@@ -65,6 +65,10 @@ class LeaseKeeper:
         """Give the lease away, to any edge if empty, once the robots are let go of; from any thread."""
         self._loop.call_soon_threadsafe(self._do, lambda: self.lease.hand_over(to))
 
+    def accept(self) -> None:
+        """Take over from the edge whose file is another, nevertheless; from any thread."""
+        self._loop.call_soon_threadsafe(self._do, self.lease.accept)
+
     def let_go(self) -> None:
         """Note that no link to a robot is open any more; from any thread."""
         self._loop.call_soon_threadsafe(self._do, self.lease.let_go)

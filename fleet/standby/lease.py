@@ -63,7 +63,8 @@ class Entry(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
     ``process`` is one run of an edge; ``epoch`` the revision with which it took the lease, 0 in that write
     itself; ``stops`` the robots whose emergency stop is set, with the cause. ``released``: the robots were
-    let go of in order; ``to`` is the edge that shall take it then, empty for any.
+    let go of in order; ``to`` is the edge that shall take it then, empty for any. ``config`` is the digest of
+    what its file says of robots and missions; empty from an edge that does not tell it.
     """
 
     edge: str
@@ -72,6 +73,7 @@ class Entry(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     released: bool = False
     to: str = ""
     stops: dict[str, str] = {}
+    config: str = ""
 
 
 class Wish(StrEnum):
@@ -104,10 +106,12 @@ class _Write(msgspec.Struct, frozen=True):
 class Lease:
     """One edge's part in the lease. All methods are called on one thread."""
 
-    def __init__(self, edge: str, process: str, terms: Terms) -> None:
+    def __init__(self, edge: str, process: str, terms: Terms, config: str = "") -> None:
         self.edge = edge
         self.process = process
         self.terms = terms
+        self.config = config
+        self.accepted = ""  # the digest of another file, from whose edge the robots are taken nevertheless
         self.state = LeaseState.STANDBY
         self.epoch = 0
         self.seen: Entry | None = None  # the last entry that was read, or written by us
@@ -166,7 +170,15 @@ class Lease:
             return None
         if self._to is not None:
             return Wish.RELEASE
-        return Wish.TAKE if self._is_free(now) else None
+        return Wish.TAKE if self._is_free(now) and not self.differs else None
+
+    @property
+    def differs(self) -> bool:
+        """True while the last holder is another edge with another file: its robots are not taken over."""
+        seen = self.seen
+        if seen is None or seen.edge == self.edge or not seen.config or not self.config:
+            return False
+        return seen.config not in (self.config, self.accepted)
 
     def _is_ours(self) -> bool:
         """Return True while the entry that was seen last says that this process holds the lease."""
@@ -188,9 +200,9 @@ class Lease:
         orderly = self._is_ours() or (self.seen is not None and self.seen.released)
         self._write = _Write(wish, now, Takeover(self.seen, self.seen_since, orderly))
         if wish is Wish.TAKE:
-            return Entry(self.edge, self.process, stops=stops)
+            return Entry(self.edge, self.process, stops=stops, config=self.config)
         released = wish is Wish.RELEASE
-        return Entry(self.edge, self.process, self.epoch, released, self._to or "", stops)
+        return Entry(self.edge, self.process, self.epoch, released, self._to or "", stops, self.config)
 
     def written(self, entry: Entry, revision: int, now: float) -> None:
         """Take the confirmation of a write."""
@@ -220,6 +232,10 @@ class Lease:
         if self.state is LeaseState.HOLDER:
             self._to = to
             self._happens(LeaseEvent.HANDOVER)
+
+    def accept(self) -> None:
+        """Take over from who holds the lease, or held it last, though its file is another."""
+        self.accepted = self.seen.config if self.seen is not None else ""
 
     def let_go(self) -> None:
         """Note that every robot was let go of: no link is open. The other edge need not wait then."""

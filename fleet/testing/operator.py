@@ -7,7 +7,7 @@ import contextlib
 from typing import Any
 
 from fleet.adapter import Adapter
-from fleet.host.robot.adapter_factory import start_command
+from fleet.host.robot.adapter_factory import capabilities, start_command
 from fleet.host.robot.frame_adapter_runner import FrameAdapterRunner
 from fleet.model.command import Command
 from fleet.model.geometry import Velocity
@@ -32,7 +32,7 @@ class Operator:
         """
         # The runner of a FrameAdapter declares none itself.
         declared = self.adapter.inner if isinstance(self.adapter, FrameAdapterRunner) else self.adapter
-        commands = declared.commands()
+        commands = capabilities(type(declared)).commands
         if name not in commands:
             raise LookupError(f"no command {name!r}; declared: {', '.join(sorted(commands)) or 'none'}")
         spec = commands[name]

@@ -83,6 +83,7 @@ class _Robot:
         self.healths: list[Health] = []
         self.losses: list[str] = []
         self.left_halts: list[tuple[bytes, ...]] = []
+        self.circle = 0.0
         self.lacking: dict[str, str] = {}
         self._told = asyncio.Event()
 
@@ -137,6 +138,10 @@ class _Robot:
     def lacks(self, reasons: Mapping[str, str]) -> None:
         """Record what of the declared vocabulary the robot does not have."""
         self.lacking = dict(reasons)
+
+    def circles(self, radius: float) -> None:
+        """Record how wide the robot circles where it ends, m."""
+        self.circle = radius
 
     def leave_halt(self, link: Link, frames: Iterable[bytes], address: Address = None) -> None:  # noqa: ARG002 - nobody else opens it here
         """Record what would halt the robot after the death of its process."""

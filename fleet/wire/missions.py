@@ -29,8 +29,10 @@ LONGEST = 3600.0  # s to loiter
 CONTROLS: Mapping[str, Control] = MappingProxyType(
     {"cancel": Control.STOP, "stop": Control.STOP, "pause": Control.PAUSE, "resume": Control.RESUME}
 )
-_PLACED = frozenset({"waypoint", "loiter_time", "loiter_turns", "loiter_unlimited"})
-_ENDS = frozenset({"return_to_launch", "loiter_unlimited"})
+_PLACED = frozenset(
+    {"waypoint", "loiter_time", "loiter_turns", "loiter_unlimited", "loiter_to_altitude", "land"}
+)
+_ENDS = frozenset({"return_to_launch", "loiter_unlimited", "land"})
 _UNPLACED = frozenset({"return_to_launch", "land_start"})
 _PLAN_FIELDS = frozenset(
     {

@@ -99,15 +99,24 @@ def test_a_test_of_the_fast_tier_that_waits_fails(root, tmp_path):
     assert "the fast tier waits for nothing: mark this test waits" in done.stdout
 
 
-def test_the_soak_tries_many_more_examples(module_at):
-    tiers = module_at("tiers.py")
-
+@pytest.mark.parametrize(("factor", "count"), [(50, 350), (0.2, 1)])
+def test_a_tier_has_its_own_number_of_examples(module_at, factor, count):
     @settings(max_examples=7, deadline=None)
     @given(st.integers())
     def counted(_number):
         counts.append(1)
 
     counts = []
-    tiers.lengthen(counted)
+    module_at("tiers.py").scale_examples(counted, factor)
     counted()
-    assert len(counts) == 7 * tiers.SOAK
+    assert len(counts) == count
+
+
+@pytest.mark.combinations
+@pytest.mark.parametrize("name", ["one", "two", "three"])
+@pytest.mark.parametrize("number", [1, 2])
+def test_each_value_is_in_every_run_and_each_combination_in_the_soak(name, number, request, pytestconfig):
+    tests = [each for each in request.session.items if each.originalname == request.node.originalname]
+    tried = [(each.callspec.params["name"], each.callspec.params["number"]) for each in tests]
+    assert (name, number) in tried
+    assert len(tried) <= (6 if pytestconfig.getoption("--soak") else 3)  # fewer where one is chosen by name

@@ -197,6 +197,26 @@ async def lands_where_it_can(it):
     assert not it.state.armed
 
 
+async def flies_a_plan_to_its_landing(it):
+    """Fly a plan that ends with a landing: it is seen on the ground, near the place, its motor off."""
+    if it.state.heartbeat.autopilot == ARDUPILOT:
+        await it.do("set_parameter", name="RTL_AUTOLAND", value=3, force=True)
+    items = [PlanItem("land_start")]
+    for kind, north, height in (
+        ("waypoint", 700.0, 50.0),
+        ("loiter_to_altitude", 600.0, 40.0),
+        ("land", 0.0, 0.0),
+    ):
+        _, there = place(it, 0.0, north)
+        radius = 80.0 if kind == "loiter_to_altitude" else None
+        items.append(PlanItem(kind, GeoPoint(there.latitude, there.longitude, height), radius=radius))
+    items[0], items[1] = items[1], items[0]
+    await exhausted(it.adapter.navigate(FlyMission("down", tuple(items))))
+    assert not it.state.armed
+    assert it.state.in_air is False
+    assert away(it, items[-1].point) < 200.0, f"{away(it, items[-1].point):.0f} m off"
+
+
 STEPS = (
     is_met_and_ready,
     refuses_what_wings_cannot,
@@ -209,6 +229,7 @@ STEPS = (
     flies_a_mission,
     flies_home,
     lands_where_it_can,
+    flies_a_plan_to_its_landing,
 )
 
 

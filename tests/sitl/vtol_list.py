@@ -9,13 +9,24 @@ import asyncio
 
 import pytest
 
-from fleet import Goal, GoTo, NotReady, Unsupported, Vector3, Velocity
+from fleet import (
+    FlyMission,
+    GeoPoint,
+    Goal,
+    GoTo,
+    NotReady,
+    PlanItem,
+    Unsupported,
+    Vector3,
+    Velocity,
+)
 from fleet.errors import CommandError
+from fleet.model.navigation import Constraints
 from fleet_mavlink.constants import ARDUPILOT
 
 LONG = 300.0  # s
 HEIGHT = 30.0  # m
-SLOWS, HOVERS, FLIES_FORWARD = 2, 3, 4
+GOES_OVER, SLOWS, HOVERS, FLIES_FORWARD = 1, 2, 3, 4
 FAR = 40.0  # m; to a place much farther off a QuadPlane flies on its wings
 SINKS = 3.0  # m of height that a hold in the hover may lose
 
@@ -82,6 +93,24 @@ async def goes_to_a_place_in_its_hover(it, planes):
     assert it.state.vtol_state == HOVERS
 
 
+async def is_stopped_on_the_way_to_its_wings(it, planes):
+    """Break a transition off, early and late: it hovers, where it came to stand, at its height."""
+    for reason, fast in (("stop", 2.0), ("emergency_stop", 5.0)):
+        going = asyncio.ensure_future(it.do("transition", to="forward"))
+        await it.until(lambda fast=fast: it.state.vtol_state == GOES_OVER and planes.speed(it) > fast, LONG)
+        where, height = it.state.position, it.state.relative_altitude
+        await it.adapter.stop(reason)
+        assert it.state.vtol_state in {SLOWS, HOVERS}
+        with pytest.raises(CommandError):
+            await going
+        await it.until(lambda: planes.speed(it) < 1.0, 30.0)
+        assert planes.away(it, where) < 60.0
+        assert abs(it.state.relative_altitude - height) < 2 * SINKS
+        await asyncio.sleep(10.0)
+        assert planes.speed(it) < 1.0
+        assert it.state.vtol_state == HOVERS
+
+
 async def goes_over_to_its_wings(it, planes):
     """Go over; what it takes changes with it, and it takes no velocities there."""
     await it.do("transition", to="forward")
@@ -119,6 +148,34 @@ async def flies_to_a_place_on_its_wings(it, planes):
         await planes.circles(it, there)
 
 
+async def keeps_its_limit_on_its_wings(it, planes):
+    """Send it far off, at an airspeed under its cruise."""
+    wanted = 20.0 if is_arduplane(it) else 13.0
+    position, _ = planes.place(it, -700.0, 100.0, 40.0)
+    task = GoTo(Goal(position=position), constraints=Constraints(max_speed=wanted))
+    going = asyncio.ensure_future(exhausted(it.adapter.navigate(task)))
+    seen = []
+    while not going.done():
+        seen.append(planes.speed(it))
+        await asyncio.sleep(0.5)
+    await going
+    assert sorted(seen)[int(0.95 * len(seen))] < wanted + 3.0, f"{max(seen):.1f} m/s"
+
+
+async def flies_a_mission_that_ends_in_a_circle(it, planes):
+    """Fly to a place and stay at another; the mission is over when it is there, and it is held."""
+    if not is_arduplane(it):
+        return  # in its hover PX4 flies it as a multirotor, and wants a landing in it
+    items = []
+    for kind, east, north in (("waypoint", -300.0, 300.0), ("loiter_unlimited", 200.0, 300.0)):
+        _, there = planes.place(it, east, north)
+        items.append(PlanItem(kind, GeoPoint(there.latitude, there.longitude, 40.0)))
+    await exhausted(it.adapter.navigate(FlyMission("out", tuple(items))))
+    assert planes.mode(it) == planes.flavour(it).hold
+    assert planes.away(it, items[-1].point) < 250.0
+    assert it.state.armed
+
+
 async def goes_back_to_its_hover(it, planes):
     await it.do("transition", to="forward")
     await it.do("transition", to="hover")
@@ -142,9 +199,12 @@ STEPS = (
     takes_off_with_its_rotors,
     is_stopped_in_its_hover,
     goes_to_a_place_in_its_hover,
+    is_stopped_on_the_way_to_its_wings,
     goes_over_to_its_wings,
     is_stopped_on_its_wings,
     flies_to_a_place_on_its_wings,
+    keeps_its_limit_on_its_wings,
+    flies_a_mission_that_ends_in_a_circle,
     goes_back_to_its_hover,
     flies_home_and_lands,
 )

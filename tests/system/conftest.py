@@ -13,6 +13,7 @@ import sys
 import tempfile
 import threading
 import time
+from collections import defaultdict
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any, Self
@@ -37,10 +38,19 @@ REAL_TIME = (
 
 @pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Mark the real-time tests, of which one runs at a time."""
+    """Mark the real-time tests, of which one runs at a time, and keep those that share an edge together."""
     for item in items:
-        if item.path.parent == HERE and item.path.name in REAL_TIME:
+        if item.path.parent != HERE:
+            continue
+        if item.path.name in REAL_TIME:
             item.add_marker(pytest.mark.real_time)
+        elif {"flying", "shared_fleet"} & set(item.fixturenames):
+            item.add_marker(pytest.mark.xdist_group(f"{item.path.stem} {flavour_of(item)}"))
+
+
+def flavour_of(item: pytest.Item) -> str:
+    """Return the flavour of the drones that a test flies; empty for a test that flies none."""
+    return str(item.callspec.params.get("flying", "")) if hasattr(item, "callspec") else ""
 
 
 STARTS_WITHIN = 150.0  # s for all robots of a demo on a computer that does much else
@@ -135,6 +145,7 @@ class Ears:
     def __init__(self, host: str, port: int, topic: str) -> None:
         self.messages: queue.Queue[tuple[str, dict[str, Any]]] = queue.Queue()
         self.heard: list[tuple[str, dict[str, Any]]] = []
+        self.on_topic: defaultdict[str, list[dict[str, Any]]] = defaultdict(list)
         self.address = (host, port)
         self.client = mqtt.Client(mqtt.CallbackAPIVersion.VERSION2, protocol=mqtt.MQTTv5)
         ready = threading.Event()
@@ -146,7 +157,9 @@ class Ears:
         assert ready.wait(DEADLINE)
 
     def _take(self, _client: Any, _data: Any, message: mqtt.MQTTMessage) -> None:
-        self.heard.append((message.topic, json.loads(message.payload)))
+        payload = json.loads(message.payload)
+        self.on_topic[message.topic].append(payload)
+        self.heard.append((message.topic, payload))
 
     def say(self, topic: str, payload: dict[str, Any]) -> None:
         """Publish, QoS 1."""
@@ -179,7 +192,7 @@ class Pilot:
 
     def of(self, leaf: str) -> list[dict[str, Any]]:
         """Return what was heard on one of the twin's topics."""
-        return [payload for topic, payload in list(self.ears.heard) if topic == self.topic(leaf)]
+        return list(self.ears.on_topic[self.topic(leaf)])
 
     def say(self, leaf: str, **message: Any) -> None:
         """Publish as a person at a remote control would."""
@@ -281,17 +294,17 @@ def bases(tmp_path: Path) -> Iterator[BasesThread]:
         yield bases
 
 
-@pytest.fixture
-def runtime() -> Iterator[str]:
+@contextlib.contextmanager
+def runtime_folder() -> Iterator[str]:
     """Make a short directory for the sockets of the bus."""
     path = tempfile.mkdtemp(prefix="fl")
     yield path
     shutil.rmtree(path, ignore_errors=True)
 
 
-@pytest.fixture
-def fleet(runtime: str) -> Iterator[Callable[..., Running]]:
-    """Start ``fleet ARGUMENTS``; it is ended, and must end well, after the test."""
+@contextlib.contextmanager
+def fleets(runtime: str) -> Iterator[Callable[..., Running]]:
+    """Start ``fleet ARGUMENTS``; it is ended, and must end well, with the block."""
     started: list[tuple[Running, int]] = []
 
     def start(*arguments: str, folder: Path | None = None, code: int = 0) -> Running:
@@ -303,9 +316,9 @@ def fleet(runtime: str) -> Iterator[Callable[..., Running]]:
     assert all(end == code for end, code, _ in ends), ends
 
 
-@pytest.fixture
-def ears() -> Iterator[Callable[..., Ears]]:
-    """Make MQTT clients that are closed after the test."""
+@contextlib.contextmanager
+def all_ears() -> Iterator[Callable[..., Ears]]:
+    """Make MQTT clients that are closed with the block."""
     made: list[Ears] = []
 
     def make(host: str, port: int, topic: str) -> Ears:
@@ -317,27 +330,64 @@ def ears() -> Iterator[Callable[..., Ears]]:
         each.close()
 
 
+@pytest.fixture
+def runtime() -> Iterator[str]:
+    """Make a short directory for the sockets of the bus."""
+    with runtime_folder() as path:
+        yield path
+
+
+@pytest.fixture
+def fleet(runtime: str) -> Iterator[Callable[..., Running]]:
+    """Start ``fleet ARGUMENTS``; it is ended, and must end well, after the test."""
+    with fleets(runtime) as start:
+        yield start
+
+
+@pytest.fixture
+def ears() -> Iterator[Callable[..., Ears]]:
+    """Make MQTT clients that are closed after the test."""
+    with all_ears() as make:
+        yield make
+
+
+@pytest.fixture(scope="module")
+def shared_runtime() -> Iterator[str]:
+    """Make the directory of ``shared_fleet``."""
+    with runtime_folder() as path:
+        yield path
+
+
+@pytest.fixture(scope="module")
+def shared_fleet(shared_runtime: str) -> Iterator[Callable[..., Running]]:
+    """Start ``fleet ARGUMENTS`` for all tests of a module."""
+    with fleets(shared_runtime) as start:
+        yield start
+
+
 PX4, ARDUPILOT = "px4 on the demo's broker", "ardupilot on a foreign broker"
 """Autopilot and broker know nothing of each other, so two pairs show all that four would."""
 
 
-@pytest.fixture(params=[PX4, ARDUPILOT])
-def flying(request: Any, fleet: Any, ears: Any) -> tuple[Running, Ears]:
-    """Start a demo with one drone of each flavour, on its own broker and on a foreign one."""
+@pytest.fixture(params=[PX4, ARDUPILOT], scope="module")
+def flying(request: Any) -> Iterator[tuple[str, int]]:
+    """Run a demo with one drone of each flavour, on its own broker and on a foreign one; gives the broker."""
     broker: tuple[str, ...] = ()
     if request.param == ARDUPILOT:
-        foreign = request.getfixturevalue("foreign_broker")
-        broker = ("--broker", f"127.0.0.1:{foreign.port}")
-    running = fleet("demo", "--drones", "2", "--json", *broker)
-    host, port = running.line(r"MQTT broker +(\S+):(\d+)").groups()
-    listener = ears(host, int(port), "cyberwave/twin/#")
-    for name in ("drone-1", "drone-2"):
-        running.robot(name, "is well", lambda state: state["health"] == "ok")
-    return running, listener
+        broker = ("--broker", f"127.0.0.1:{request.getfixturevalue('shared_foreign_broker').port}")
+    with runtime_folder() as runtime, fleets(runtime) as fleet:
+        running = fleet("demo", "--drones", "2", "--json", *broker)
+        host, port = running.line(r"MQTT broker +(\S+):(\d+)").groups()
+        for name in ("drone-1", "drone-2"):
+            running.robot(name, "is well", lambda state: state["health"] == "ok")
+        yield host, int(port)
 
 
 @pytest.fixture
-def pilot(request: Any, flying: tuple[Running, Ears]) -> Pilot:
-    """Make a pilot for the drone of the pair's flavour."""
+def pilot(request: Any, flying: tuple[str, int], ears: Any) -> Pilot:
+    """Make a pilot for the drone of the pair's flavour, which is where the test before has left it."""
     name = {PX4: "drone-1", ARDUPILOT: "drone-2"}[request.node.callspec.params["flying"]]
-    return flying[1].pilot(twin_of(name))
+    twin = twin_of(name)
+    pilot: Pilot = ears(*flying, f"cyberwave/twin/{twin}/#").pilot(twin)
+    pilot.heard("position", "the drone is there", bool)
+    return pilot

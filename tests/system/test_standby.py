@@ -359,6 +359,30 @@ def test_a_handover_holds_the_robot_and_is_quick(pair):
     assert first.at > last.at
 
 
+def test_no_edge_takes_over_with_another_file_until_a_person_accepts_it(pair):
+    holder, other = ready(pair)
+    kept = other.file
+    other.end()
+    fleet = json.loads(kept.read_text())
+    fleet["robots"][0]["limits"] = {"speed": 0.2}
+    other.file = kept.with_name("other.yaml")
+    other.file.write_text(json.dumps(fleet))
+    other.start()
+    wait_until("it is told", lambda: "another file: no takeover" in other.robot.cause)
+    holder.end()
+    assert other.has_role("standby"), "the lease was given back in order"
+    environment = os.environ | {"FLEET_RUNTIME_DIR": str(other.runtime)}
+    command = [sys.executable, "-m", "fleet", "failover", other.name, "--accept-file"]
+    said = subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
+    assert said.returncode == 0, said.stderr
+    wait_until("it has the robots", lambda: other.has_role("holder"))
+    other.end()
+    other.file = kept
+    for computer in (other, holder):
+        computer.start()
+    ready(pair)
+
+
 def test_a_name_means_the_robot_of_the_edge_that_has_it(pair):
     holder, other = ready(pair)
     for computer in (holder, other):

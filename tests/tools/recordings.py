@@ -4,10 +4,13 @@ import msgspec
 
 from fleet.history.record import Record
 from fleet.missions.report import RunRobot, RunState
+from fleet.model.body import BodyPart
 from fleet.model.command import Transport
+from fleet.model.description import CommandDescription, FenceDescription, RobotDescription
 from fleet.model.event import EventKind, Requester
 from fleet.model.geometry import Quaternion, Vector3
-from fleet.model.report import PoseReport
+from fleet.model.report import JointReport, PoseReport
+from fleet.model.schedule import ScheduleAnswer, ScheduleState
 from fleet.model.site import Placement
 from fleet.model.state import EdgeState, RobotState
 from fleet.record.ring import Ring
@@ -23,7 +26,8 @@ def write_recording(folder, begins, seconds, *, ends=True, edge="yard-1"):
     """Record so many seconds from ``begins`` (Unix s): rex goes east with 1 m/s from its place, ann stands.
 
     Each robot tells its pose twice a second, its state once. At 10 s rex is stopped, at 20 s ann has a fault.
-    A run begins at 5 s and ends at 15 s. Without ``ends`` the file looks as one that is still written.
+    A run begins at 5 s and ends at 15 s. Its joint turns by 0.1 rad/s. At 15 s its fence is made smaller, and
+    the schedule is switched off. Without ``ends`` the file looks as one that is still written.
     """
     ring = Ring(folder, Bounds(free=0))
     reader = SampleReader()
@@ -43,6 +47,11 @@ def write_recording(folder, begins, seconds, *, ends=True, edge="yard-1"):
             put(f"cw/{twin}/data/position", encode_report(PoseReport(at, where, Quaternion()), half), at)
         if half % 2 == 0:
             put(f"fleet/{edge}/health", EdgeState(edge, "1", at, gone), at)
+        joints = JointReport(at, {"knee": round(gone / 10, 3)})
+        put(f"cw/{TWINS['rex']}/data/joint_states", encode_report(joints, half), at)
+        put(f"fleet/{edge}/robots/*/description", _description(40.0 if gone < 15 else 20.0), at)
+        nightly = ScheduleState("nightly", "round", "every 1 h", gone < 15)
+        put(f"fleet/{edge}/schedules", ScheduleAnswer((nightly,)), at)
         if gone in (5.0, 15.0):
             put(f"fleet/{edge}/runs/r1", _run(edge, begins, ended=gone == 15.0), at)
         if gone == 10.0:
@@ -53,6 +62,14 @@ def write_recording(folder, begins, seconds, *, ends=True, edge="yard-1"):
     if ends:
         ring.close()
     return ring
+
+
+def _description(reach):
+    """Return what rex is, with a fence as far as this, m, and a refusal that is none of a recording."""
+    fence = FenceDescription(inclusion=(((-1.0, -1.0), (reach, -1.0), (reach, 1.0), (-1.0, 1.0)),))
+    body = (BodyPart("leg", joint="knee", axis=Vector3(0.0, 1.0), end=Vector3(0.0, 0.0, -1.0)),)
+    beep = CommandDescription("beep", refusal=f"until {reach}")
+    return RobotDescription("rex", "toy", (beep,), drives=True, fence=fence, body=body)
 
 
 def _state(edge, name, at, gone):

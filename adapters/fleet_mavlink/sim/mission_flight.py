@@ -104,6 +104,7 @@ _MANOEUVRES: Mapping[int, Callable[[Autopilot, Item], Manoeuvre]] = {
     17: lambda pilot, item: _Unlimited(_go(pilot, item)),
     LOITER_TURNS: _Circle,
     19: _go,
+    31: _go,
     82: _go,
     93: lambda pilot, _item: hold(pilot),
     22: _take_off,

@@ -18,7 +18,7 @@ _MISSION = int(mav.MAV_MISSION_TYPE_MISSION)
 _TOLD_AGAIN = 1.0  # s
 _GIVE_UP = 8.0  # seconds without an item that end an upload
 _FIRST_DO = 80  # commands from here on are not navigation
-_FLOWN = frozenset({16, 17, 19, 20, 21, 22, 82, 93})  # navigation that both fly
+_FLOWN = frozenset({16, 17, 19, 20, 21, 22, 31, 82, 93})  # navigation that both fly
 LOITER_TURNS = 18  # PX4 has no such item
 _COUNT_MAX = 700
 

@@ -84,6 +84,7 @@ def rover_params(system_id: int) -> Values:
 def plane_params(system_id: int) -> Values:
     """Return the parameters that matter here, with ArduPlane's defaults."""
     return ardupilot_params(system_id) | {
+        "MIN_GROUNDSPEED": (REAL32, 0.0),
         "AIRSPEED_CRUISE": (REAL32, 22.0),
         "AIRSPEED_MAX": (INT16, 30),
         "AIRSPEED_MIN": (INT16, 10),
@@ -91,6 +92,7 @@ def plane_params(system_id: int) -> Values:
         "FS_LONG_ACTN": (INT8, 0),
         "FS_LONG_TIMEOUT": (REAL32, 5.0),
         "RTL_ALTITUDE": (REAL32, 100.0),
+        "RTL_AUTOLAND": (INT8, 0),
         "TECS_CLMB_MAX": (REAL32, 5.0),
         "TECS_SINK_MIN": (REAL32, 2.0),
         "THR_FAILSAFE": (INT8, 1),
@@ -102,7 +104,13 @@ def plane_params(system_id: int) -> Values:
 
 def quadplane_params(system_id: int) -> Values:
     """Return the parameters that matter here, with a QuadPlane's defaults."""
-    return plane_params(system_id) | {"Q_ENABLE": (INT8, 1), "Q_GUIDED_MODE": (INT8, 0)}
+    return plane_params(system_id) | {
+        "Q_ASSIST_SPEED": (REAL32, 7.0),
+        "Q_ENABLE": (INT8, 1),
+        "Q_GUIDED_MODE": (INT8, 0),
+        "Q_TRANS_DECEL": (REAL32, 2.0),
+        "Q_WP_SPEED": (REAL32, 500.0),
+    }
 
 
 def px4_plane_params(system_id: int) -> Values:
@@ -190,6 +198,9 @@ class Params:
 
     def __getitem__(self, name: str) -> float:
         return self._values[name][1]
+
+    def __setitem__(self, name: str, value: float) -> None:
+        self._values[name] = (self._values[name][0], value)
 
     def reboot(self) -> None:
         """Forget the list that is being sent."""

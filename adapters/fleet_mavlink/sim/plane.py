@@ -31,8 +31,8 @@ class PlaneSpeeds(ArduPilotSpeeds):
 
     @property
     def cruise(self) -> float:
-        """AIRSPEED_CRUISE, or what DO_CHANGE_SPEED asked for."""
-        return self.asked or self._params["AIRSPEED_CRUISE"]
+        """AIRSPEED_CRUISE, or what DO_CHANGE_SPEED asked for; without wind MIN_GROUNDSPEED is one, too."""
+        return max(self.asked or self._params["AIRSPEED_CRUISE"], self._params["MIN_GROUNDSPEED"])
 
     @property
     def climb(self) -> float:
@@ -117,16 +117,19 @@ def _reposition(pilot: SimArduPlane, ask: CommandRequest) -> int:
 
 
 def _speed(pilot: SimArduPlane, ask: CommandRequest) -> int:
-    """Take an airspeed between AIRSPEED_MIN and AIRSPEED_MAX, in GUIDED and AUTO."""
+    """Take an airspeed between AIRSPEED_MIN and AIRSPEED_MAX, in GUIDED and AUTO; over ground the slowest."""
     params = pilot.params
     if pilot.mode.name not in {"GUIDED", "AUTO"}:
         return FAILED
     if whole(ask.p1) == _AIRSPEED and ask.p2 == _DEFAULT:
-        pilot.speeds.asked = None
+        pilot.airspeeds.asked = None
         return ACCEPTED
     if whole(ask.p1) == _AIRSPEED and not params["AIRSPEED_MIN"] <= ask.p2 <= params["AIRSPEED_MAX"]:
         return FAILED
-    pilot.speeds.asked = ask.p2
+    if whole(ask.p1) == _AIRSPEED:
+        pilot.airspeeds.asked = ask.p2
+    else:
+        params["MIN_GROUNDSPEED"] = ask.p2
     return ACCEPTED
 
 
@@ -181,6 +184,17 @@ class SimArduPlane(ArduPilot):
         super().__init__(boot)
         self.failsafes = PlaneFailsafes(self)
 
+    def refusals(self, *, force: bool) -> list[str]:
+        """Return also that a landing is planned which RTL must not fly."""
+        planned = any(item.command == mav.MAV_CMD_DO_LAND_START for item in self.missions.items)
+        unused = planned and not self.params["RTL_AUTOLAND"] and not force
+        return super().refusals(force=force) + ["DO_LAND_START set and RTL_AUTOLAND disabled"] * unused
+
+    @property
+    def airspeeds(self) -> FlightSpeeds:
+        """How fast it flies on its wings."""
+        return self.speeds
+
     @property
     def circle_radius(self) -> float:
         """WP_LOITER_RAD."""
@@ -206,6 +220,12 @@ class SimArduPlane(ArduPilot):
         if self.armed and self.runs_mission and self.manoeuvre.done and self.flying:
             self.say(INFO, "Mission complete, changing mode to RTL")
             self.change_mode(self.modes["RTL"].custom)
+
+    def enter(self, mode: Mode) -> None:
+        """Change to a mode; GUIDED again goes on with the place that it flies to."""
+        if mode is self.mode and mode.name == "GUIDED" and self.armed and self.flying:
+            return
+        super().enter(mode)
 
     def watch_idle(self) -> None:
         """Disarm some time after a landing."""

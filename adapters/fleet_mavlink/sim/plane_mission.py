@@ -26,6 +26,10 @@ def _circle(pilot: Autopilot, item: Item) -> Circle:
     return Circle(*place_of_item(pilot, item), item.p3 or pilot.circle_radius)  # type: ignore[attr-defined]
 
 
+def _to_height(pilot: Autopilot, item: Item) -> Circle:
+    return Circle(*place_of_item(pilot, item), item.p2 or pilot.circle_radius)  # type: ignore[attr-defined]
+
+
 class _Stay(Circle):
     """A circle that is never done."""
 
@@ -76,6 +80,7 @@ class WingedMission(FlyMission):
         mav.MAV_CMD_NAV_LOITER_UNLIM: _stay,
         mav.MAV_CMD_NAV_LOITER_TURNS: _Turns,
         mav.MAV_CMD_NAV_LOITER_TIME: _circle,
+        mav.MAV_CMD_NAV_LOITER_TO_ALT: _to_height,
         mav.MAV_CMD_NAV_LAND: _land,
         mav.MAV_CMD_NAV_TAKEOFF: _take_off,
     }

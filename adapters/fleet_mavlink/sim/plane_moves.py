@@ -15,7 +15,8 @@ _PULL = 2.0  # how hard it turns to its circle
 _ON_IT = 15.0  # m from the circle, and
 _AT_HEIGHT = 5.0  # m from its height, at which it has reached it
 _ROTATES = 1.1  # of the slowest speed, at which it lifts its nose
-_FLARES = 8.0  # m above the ground
+_FLARES = 3.0  # m above the ground; PX4 touches it 4 s later
+_GLIDES = 5.0  # m/s of descent on an approach
 _TOUCHES = 0.7  # m/s of descent in the flare
 _SLOPE = 0.1  # of an approach
 _AHEAD = 15.0  # m/s at the end of a transition
@@ -127,6 +128,7 @@ class Approach(Manoeuvre):
     def __init__(self, north: float, east: float) -> None:
         self._north = north
         self._east = east
+        self._left = math.inf
         self._touchdown = Touchdown()
 
     def aim(self, pilot: Autopilot) -> Aim:
@@ -137,9 +139,12 @@ class Approach(Manoeuvre):
             self.done = self._touchdown.done
             return wanted
         north, east = self._north - body.north, self._east - body.east
-        left = math.hypot(north, east)
+        self._left = min(
+            self._left, math.hypot(north, east)
+        )  # what has passed its place comes down beyond it
         course, speed = math.atan2(east, north), pilot.speeds.cruise
-        vd = _vertical(pilot, -max(_FLARES - 1.0, _SLOPE * left))
+        above = body.height - max(_FLARES - 1.0, _SLOPE * self._left)
+        vd = max(-pilot.speeds.climb, min(_GLIDES, 0.5 * above))
         return Aim(speed * math.cos(course), speed * math.sin(course), vd)
 
 

@@ -50,10 +50,15 @@ class SimPx4Vtol(SimPx4Plane):
         super().__init__(boot)
         self.speeds = self._hover
 
+    @property
+    def _leaves(self) -> bool:
+        """Whether it goes over to its wings: it flies straight ahead, whatever place it is given."""
+        return self._goes_over is not None and self._goes_over[1] == FORWARD
+
     def vtol_state(self) -> int:
         """Return how it flies, or to what it goes over."""
         if self._goes_over is not None:
-            return TO_FORWARD if self._goes_over[1] == FORWARD else TO_HOVER
+            return TO_FORWARD if self._leaves else TO_HOVER
         return HOVERS if self.body.hovers else FORWARD
 
     def refusals(self, *, force: bool) -> list[str]:
@@ -62,10 +67,10 @@ class SimPx4Vtol(SimPx4Plane):
         return super().refusals(force=force) or on_wings
 
     def go_over(self, to: int) -> None:
-        """Begin a transition, along its nose; its mode stays."""
+        """Begin a transition, along its nose; its mode stays. One to its wings is broken off at once."""
         if (to == HOVERS) is self.body.hovers and self._goes_over is None:
             return
-        if not self.flying:
+        if not self.flying or (to == HOVERS and self._leaves):
             self._fly_so(to)
             return
         self._goes_over = (self.time + _TAKES[to], to)
@@ -82,13 +87,15 @@ class SimPx4Vtol(SimPx4Plane):
 
     def enter(self, mode: Mode) -> None:
         """Change to a mode; it lands, and flies home, with its rotors."""
-        if mode.name in _BY_ROTORS and not self.body.hovers:
+        if mode.name in _BY_ROTORS:
             self._goes_over = None
             self.body.hovers, self.speeds = True, self._hover
         if self.body.hovers:
             SimPx4.enter(self, COPTER_MODES[mode.name])
         else:
             super().enter(mode)
+        if self._leaves:
+            self.manoeuvre = Ahead(self.body.down)
 
     def go(self, place: Geo, speed: float) -> int:
         """Fly there as it flies now."""
@@ -98,7 +105,7 @@ class SimPx4Vtol(SimPx4Plane):
         if result == ACCEPTED and self.flying and self.armed:
             wanted = [new if math.isfinite(new) else now for new, now in zip(place, self.geo(), strict=True)]
             still = not any(map(math.isfinite, place))
-            if not still:
+            if not still and not self._leaves:
                 north, east, down = self.ned_of(*wanted)
                 self.manoeuvre = GoTo(north, east, down, speed=speed if speed > 0.0 else None)
         return result

@@ -22,7 +22,8 @@ from fleet_mavlink.sim.speeds import ArduPilotSpeeds, FlightSpeeds
 
 TO_FORWARD, TO_HOVER, HOVERS, FORWARD = 1, 2, 3, 4  # MAV_VTOL_STATE
 _FORWARD_TAKES, _HOVER_TAKES = 8.0, 6.0  # s
-_NEAR = 1.5 / (2 * 2.0)  # s2/m: of its cruise airspeed squared, the distance up to which it hovers to a place
+_NEAR = 1.5  # times its stopping distance from its cruise airspeed, up to which it hovers to a place
+_HELPS, _PUSHED = 1.0, 2.0  # m/s above Q_ASSIST_SPEED at which its rotors help, and that it flies then
 _OFFSET = 7  # MAV_FRAME_LOCAL_OFFSET_NED
 _ABOVE_HOME = {0: 0.0, 5: 0.0, 3: 1.0, 6: 1.0}  # frames
 _STICK_AT_MINIMUM = 2.5  # m/s down
@@ -98,6 +99,25 @@ COMMANDS: Mapping[int, Handler] = {
 }
 
 
+class HoverSpeeds(ArduPilotSpeeds):
+    """Q_WP_SPEED, and a climb as of a copter."""
+
+    @property
+    def cruise(self) -> float:
+        """Q_WP_SPEED, whatever is asked for."""
+        return self._params["Q_WP_SPEED"] / 100
+
+
+class AssistedSpeeds(PlaneSpeeds):
+    """A plane's, but that its rotors keep it faster than Q_ASSIST_SPEED."""
+
+    @property
+    def cruise(self) -> float:
+        """What is asked for, and faster near Q_ASSIST_SPEED."""
+        asked, helped = super().cruise, self._params["Q_ASSIST_SPEED"]
+        return helped + _PUSHED if asked < helped + _HELPS else asked
+
+
 class SimQuadPlane(SimArduPlane):
     """ArduPlane with Q_ENABLE 1."""
 
@@ -108,10 +128,15 @@ class SimQuadPlane(SimArduPlane):
     def __init__(self, boot: Boot) -> None:
         self._goes_over: tuple[float, Manoeuvre] | None = None  # when it flies forward, and what it does then
         self._slows_until = 0.0  # on its way back to the hover
-        self._hover: FlightSpeeds = ArduPilotSpeeds(boot.params)
-        self._wings: FlightSpeeds = PlaneSpeeds(boot.params)
+        self._hover: FlightSpeeds = HoverSpeeds(boot.params)
+        self._wings: FlightSpeeds = AssistedSpeeds(boot.params)
         super().__init__(boot)
         self.body.hovers = False
+
+    @property
+    def airspeeds(self) -> FlightSpeeds:
+        """How fast it flies on its wings."""
+        return self._wings
 
     @property
     def hovers_in_guided(self) -> bool:
@@ -142,7 +167,7 @@ class SimQuadPlane(SimArduPlane):
     def go_to(self, north: float, east: float, down: float) -> None:
         """Hover to a place; a far one is flown to on its wings."""
         body = self.body
-        near = _NEAR * self._wings.cruise**2
+        near = _NEAR * self.params["AIRSPEED_CRUISE"] ** 2 / (2 * self.params["Q_TRANS_DECEL"])
         if math.hypot(north - body.north, east - body.east) <= near:
             self.hover()
             self.manoeuvre = GoTo(north, east, down)
@@ -155,8 +180,9 @@ class SimQuadPlane(SimArduPlane):
 
     def enter(self, mode: Mode) -> None:
         """Change to a mode; the Q modes, and GUIDED as it is set, hover, the others fly forward."""
+        again = mode is self.mode and mode.name == "GUIDED"
         super().enter(mode)
-        if not (self.armed and self.flying):
+        if again or not (self.armed and self.flying):
             return
         if mode in _BY_ROTORS:
             self.hover()

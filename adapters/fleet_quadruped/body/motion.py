@@ -11,6 +11,8 @@ from fleet_quadruped.robot.names import Twelve
 
 Path = Callable[[float], Twelve]
 _FOLD_TIME = 0.8  # s
+_TRAPPED = 1.3  # rad between a hip and its folded angle: the leg may lie under the body
+_STRETCH, _STRETCH_TIME = 0.9, 0.6  # rad at the knee, s
 _ROLL_TIME, _ROLL_HOLD = 0.7, 0.8  # s: soft joints (MIT) take time to push a dog over
 
 
@@ -65,6 +67,20 @@ def _smooth(share: float) -> float:
 def folding(dog: DogDescription, start: Twelve, seconds: float = _FOLD_TIME) -> PostureMotion:
     """Fold the legs under the body."""
     return PostureMotion(start, [Segment(seconds, dog.posture(dog.poses.fold))])
+
+
+def freeing(dog: DogDescription, start: Twelve) -> PostureMotion:
+    """Stretch the knees first where a leg lies across the body, then fold.
+
+    A leg whose hip is far from its folded angle lies under or across the body. Folding it at once pulls the
+    foot against the body, where soft joints (MIT) stay stuck.
+    """
+    fold = dog.posture(dog.poses.fold)
+    hips = range(1, 12, 3)
+    if max(abs(start[hip] - fold[hip]) for hip in hips) <= _TRAPPED:
+        return folding(dog, start)
+    stretched = tuple(angle + (_STRETCH if joint % 3 == 2 else 0.0) for joint, angle in enumerate(start))
+    return PostureMotion(start, [Segment(_STRETCH_TIME, stretched), Segment(_FOLD_TIME, fold)])
 
 
 def rising(dog: DogDescription, start: Twelve, height: float) -> PostureMotion:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from fleet_quadruped.body.motion import PostureMotion, folding, rolling
+from fleet_quadruped.body.motion import PostureMotion, freeing, rolling
 from fleet_quadruped.robot.description import DogDescription
 from fleet_quadruped.robot.names import Twelve
 
@@ -17,9 +17,9 @@ class Recovery:
         self._dog = dog
 
     def begin(self, angles: Twelve) -> PostureMotion:
-        """Begin a recovery: fold the legs."""
+        """Begin a recovery: fold the legs, a trapped one after it is stretched."""
         self.tries = 0
-        return folding(self._dog, angles)
+        return freeing(self._dog, angles)
 
     def roll(self, lean: float, angles: Twelve) -> PostureMotion | None:
         """Return the next roll of a dog that leans (rad), to the other side at every second try.

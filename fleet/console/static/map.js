@@ -1,5 +1,6 @@
 // The map: what hands do on it. Robots are selected and sent, the view is moved, points are drawn.
 
+import { geoOf, loadBasemap } from "./basemap.js";
 import { byId, counted, element, show } from "./dom.js";
 import { order } from "./answers.js";
 import { addPoint, closeDrawing, drawing, openDrawing, update } from "./draw.js";
@@ -111,7 +112,9 @@ function aim(point) {
   const go = element("button", { class: "primary", disabled: store.permission === "view" }, "Go");
   const spread = robots.length > 1 ? element("label", {}, element("span", {}, "apart"), element("input", { name: "spacing", type: "number", min: "0.5", step: "0.5", value: "2" }), element("small", {}, "m")) : null;
   const words = `Send ${whom} to ${map.target.x.toFixed(1)}, ${map.target.y.toFixed(1)}`;
-  show(form, element("p", {}, words), spread, element("div", { class: "row" }, go, element("button", { type: "button", class: "plain", onclick: () => aim(null) }, "Cancel")));
+  const geo = geoOf(map.target.x, map.target.y);
+  const onEarth = geo ? element("small", {}, geo.map((each) => each.toFixed(6)).join(", ")) : null;
+  show(form, element("p", {}, words), onEarth, spread, element("div", { class: "row" }, go, element("button", { type: "button", class: "plain", onclick: () => aim(null) }, "Cancel")));
   form.onsubmit = (event) => {
     event.preventDefault();
     const asked = { ask: "goto", robots: robots.map((robot) => robot.id), x: map.target.x, y: map.target.y };
@@ -193,6 +196,7 @@ export function startMap() {
     }
   });
   setInterval(() => (map.dirty = true), 1000);
+  window.fleetPage.session.then(loadBasemap).catch(() => {}); // without a session the page says why itself
   turn();
 }
 

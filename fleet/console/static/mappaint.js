@@ -1,8 +1,10 @@
 // Paints the map: grid, places, fences, tracks, goals, robots.
 
+import { paintBasemap } from "./basemap.js";
 import { byId, counted } from "./dom.js";
 import { paintDrawing } from "./draw.js";
 import { colors, map, paint, size, toScreen, toSite, view } from "./mapview.js";
+import { ghosts } from "./rehearsal.js";
 import { label, mapped, staleness, store } from "./store.js";
 
 function spacing() {
@@ -34,8 +36,12 @@ function drawLine(x, y, step, digits) {
   paint.fillStyle = colors.dim;
   paint.textAlign = "left";
   const text = Math.abs(value) < step / 1000 ? "0" : value.toFixed(digits);
-  if (x !== null) paint.fillText(text, at + 3, size.height - 6);
-  else paint.fillText(text, 4, at - 3);
+  const place = x !== null ? [at + 3, size.height - 6] : [4, at - 3];
+  paint.lineWidth = 3;
+  paint.strokeStyle = colors.paper; // around the figures, which a map may lie under
+  paint.strokeText(text, ...place);
+  paint.lineWidth = 1;
+  paint.fillText(text, ...place);
 }
 
 function polygon(points) {
@@ -198,6 +204,31 @@ function drawLabel(robot, pose, px, py) {
   paint.fillText(text, px, py + 36);
 }
 
+// The robots of a rehearsal: hollow, dotted and named as ghosts, so that none is taken for a robot.
+function drawGhost({ name, way, place }) {
+  const [px, py] = toScreen(place[0], place[1]);
+  paint.save();
+  paint.strokeStyle = paint.fillStyle = colors.place;
+  paint.lineWidth = 1.5;
+  paint.setLineDash([1, 4]);
+  paint.beginPath();
+  way.forEach(([, x, y], number) => (number ? paint.lineTo(...toScreen(x, y)) : paint.moveTo(...toScreen(x, y))));
+  paint.stroke();
+  paint.setLineDash([2, 2]);
+  if (place[3] === null) {
+    paint.beginPath();
+    paint.arc(px, py, 9, 0, 2 * Math.PI);
+  } else arrow(px, py, place[3], 16);
+  paint.globalAlpha = 0.25;
+  paint.fill();
+  paint.globalAlpha = 1;
+  paint.stroke();
+  paint.font = "italic 12px system-ui, sans-serif";
+  paint.textAlign = "center";
+  paint.fillText(Math.abs(place[2]) > 0.5 ? `ghost of ${name} · ${place[2].toFixed(1)} m up` : `ghost of ${name}`, px, py - 22);
+  paint.restore();
+}
+
 function drawBox() {
   const { drag } = map;
   if (drag?.kind !== "box") return;
@@ -233,6 +264,7 @@ function drawPast() {
 // Paint the whole map.
 export function paintMap() {
   paint.clearRect(0, 0, size.width, size.height);
+  paintBasemap();
   if (store.past) drawPast();
   drawGrid();
   drawPlaces();
@@ -242,6 +274,7 @@ export function paintMap() {
   for (const robot of there) drawTrack(robot.id);
   for (const robot of there) drawGoal(robot.id);
   for (const robot of there) drawRobot(robot);
+  for (const ghost of ghosts()) drawGhost(ghost);
   if (map.target) {
     paint.strokeStyle = colors.accent;
     paint.lineWidth = 2.5;

@@ -1,6 +1,7 @@
 // What part of the site the map shows: x is east, y is north, metres; and the colours it is painted with.
 
 import { byId } from "./dom.js";
+import { ghosts } from "./rehearsal.js";
 import { mapped, store } from "./store.js";
 
 const LEAST = 0.5; // px per metre
@@ -37,6 +38,7 @@ export const whoIsMapped = () => mapped().map((robot) => robot.id).join();
 export function fit() {
   const points = mapped().map((robot) => store.poses[robot.id].slice(0, 2));
   for (const way of Object.values(store.goals)) points.push(...way.map((point) => [point[0], point[1]]));
+  for (const { way } of ghosts()) points.push(...way.map((point) => [point[1], point[2]]));
   if (!points.length) return;
   const xs = points.map((point) => point[0]);
   const ys = points.map((point) => point[1]);

@@ -2,6 +2,7 @@
 
 import { counted, duration, element, healthMark, timeOfDay } from "./dom.js";
 import { order } from "./answers.js";
+import { rehearse } from "./rehearsal.js";
 import { label, ordered, select, staleness, store } from "./store.js";
 
 const operates = () => store.permission !== "view";
@@ -106,23 +107,33 @@ function runItem(run) {
   return element("li", { class: `run ${ended ? "ended" : ""}` }, element("p", {}, element("b", {}, run.mission), ` ${words}`), element("p", { class: "dim" }, `run ${run.run}${run.by ? ` by ${run.by}` : ""}, ${timeOfDay(run.started)}`), question(run), ended ? "" : element("table", {}, ...(run.robots || []).map(lane)), buttons.length ? element("div", { class: "row" }, ...buttons) : "");
 }
 
+// The inputs of a mission from its form; what was left empty is left out.
+function inputsOf(form, names) {
+  const data = {};
+  for (const name of names) {
+    const text = form.elements[name].value.trim();
+    if (text === "") continue;
+    try {
+      data[name] = JSON.parse(text);
+    } catch {
+      data[name] = text;
+    }
+  }
+  return data;
+}
+
 function startForm(mission) {
   const inputs = Object.entries(mission.inputs || {});
   const fields = inputs.map(([name, words]) => element("label", {}, element("span", {}, name), element("input", { name, placeholder: words }), ""));
-  const form = element("form", { class: "command-form" }, element("p", {}, element("b", {}, mission.name), ` ${mission.summary || ""}`), ...fields, element("div", { class: "row" }, element("button", { class: "primary", disabled: !operates() }, "Start")));
+  const given = () => inputsOf(form, Object.keys(mission.inputs || {}));
+  const buttons = [
+    element("button", { class: "primary", disabled: !operates() }, "Start"),
+    element("button", { type: "button", disabled: !operates(), title: "With simulated robots; no robot moves", onclick: () => rehearse(mission, given()) }, "Rehearse"),
+  ];
+  const form = element("form", { class: "command-form" }, element("p", {}, element("b", {}, mission.name), ` ${mission.summary || ""}`), ...fields, element("div", { class: "row" }, ...buttons));
   form.addEventListener("submit", (event) => {
     event.preventDefault();
-    const data = {};
-    for (const [name] of inputs) {
-      const text = form.elements[name].value.trim();
-      if (text === "") continue;
-      try {
-        data[name] = JSON.parse(text);
-      } catch {
-        data[name] = text;
-      }
-    }
-    order({ ask: "mission", edge: mission.edge, name: mission.name, inputs: data }, `start ${mission.name}`);
+    order({ ask: "mission", edge: mission.edge, name: mission.name, inputs: given() }, `start ${mission.name}`);
   });
   return form;
 }
@@ -152,7 +163,7 @@ function scheduleItem(schedule) {
     { class: "run" },
     element("p", {}, element("b", {}, schedule.name), ` ${schedule.mission}, ${schedule.trigger}`),
     element("p", { class: "dim" }, `${next} · ${past}`),
-    element("div", { class: "row" }, button("Start now", "run"), schedule.enabled ? button("Switch off", "disable") : button("Switch on", "enable")),
+    store.past ? "" : element("div", { class: "row" }, button("Start now", "run"), schedule.enabled ? button("Switch off", "disable") : button("Switch on", "enable")),
   );
 }
 

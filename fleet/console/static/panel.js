@@ -3,10 +3,14 @@
 import { byId, counted, duration, element, figure, healthMark, show, timeOfDay } from "./dom.js";
 import { order } from "./answers.js";
 import { configurationKey, configurations, startConfigurations } from "./configuration.js";
+import { bodyKey, bodyOf, startBody } from "./body.js";
 import { askButton, holder, isAnothers } from "./control.js";
 import { health, healthKey, missions, runs, schedules } from "./overview.js";
 import { noPad, padOf } from "./pad.js";
+import { photoKey, photoOf } from "./photo.js";
 import { plots, plotsKey, startPlots } from "./plots.js";
+import { rehearsalKey, rehearsed, startRehearsal } from "./rehearsal.js";
+import { fit, map, view } from "./mapview.js";
 import { ask, label, onChange, send, staleness, store } from "./store.js";
 import { stoppedRobots } from "./stopview.js";
 
@@ -290,11 +294,16 @@ function draw() {
   const alone = !chosen.length;
   part("health", alone && healthKey(), () => (alone ? health() : []));
   part("runs", alone && [store.runs, store.permission, now], () => (alone ? runs() : []));
+  part("rehearsed", alone && now && rehearsalKey(), () => (alone && now ? rehearsed() : []));
   part("missions", alone && [store.missions, store.permission], () => (alone ? missions() : []));
   part("cannot", robot && described && [robot.id, described, store.permission], () => (robot && described ? cannot(robot, described) : []));
-  part("schedules", alone && [store.schedules, store.permission], () => (alone ? schedules() : []));
+  part("schedules", alone && [store.schedules, store.permission, now], () => (alone ? schedules() : []));
   part("configuration", alone && now && configurationKey(), () => (alone && now ? configurations() : []));
   part("figures", robot && [robot, position(robot), store.poses[robot.id]], () => (robot ? [facts(robot)] : []));
+  const drawn = robot && described?.body?.length;
+  part("body", drawn && bodyKey(robot), () => (drawn ? bodyOf(robot) : []));
+  const seen = robot && now && store.photos[robot.id];
+  part("photo", seen && photoKey(robot), () => (seen ? photoOf(robot) : []));
   const drives = robot && described?.drives && operates() ? described : null;
   part("driving", drives && [robot.id, drives.limits], () => (drives ? [element("h3", {}, "Drive by hand"), padOf(robot, drives)] : noPad() || []));
   // While a form is open, nothing that is told replaces what is typed into it.
@@ -323,7 +332,9 @@ export function startPanel() {
     draw();
   });
   startPlots(draw);
+  startBody();
   startConfigurations(draw);
+  startRehearsal(draw, () => (map.dirty = true), () => view.touched || fit());
   const pane = byId("robot");
   pane.addEventListener("pointerdown", () => (held = true));
   for (const end of ["pointerup", "pointercancel"]) {

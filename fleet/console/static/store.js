@@ -6,7 +6,7 @@ export const SILENT = 1000; // ms without a word after which nothing that is sho
 const TRACK = 400; // points of a track that are kept
 const STEP = 0.05; // m between two points of a track
 
-const KINDS = ["edges", "robots", "poses", "goals", "descriptions", "missions", "runs", "numbers", "schedules", "requests"];
+const KINDS = ["edges", "robots", "poses", "goals", "descriptions", "missions", "runs", "numbers", "photos", "schedules", "requests"];
 const IN_PAST = new Set(["stop", "ping", "watch", "extent", "moment"]); // what may be asked while the past is shown
 
 // What is now, whatever the page shows.

@@ -19,18 +19,30 @@ from fleet.clock import Clock
 from fleet.config.difference import SETTINGS, difference, outline_of, shown_by
 from fleet.config.explain import checked
 from fleet.config.load import Loaded, load
+from fleet.config.loaded_robots import with_configs, with_robot, without_robot
 from fleet.config.problems import InvalidConfig
 from fleet.errors import FleetError, StateError
+from fleet.host.edge.changes_elsewhere import ChangesElsewhere, ended, waits
 from fleet.host.edge.last_configuration import keep
+from fleet.host.edge.member_rules import groups_hindrance, name_before, unfit
+from fleet.host.edge.membership import Followers, Membership
 from fleet.host.edge.shown_configuration import shown_configuration
-from fleet.host.process.rebuild import rebuild, take_over
+from fleet.host.edge.stops_meanwhile import StopsMeanwhile
+from fleet.host.process.rebuild import hold, rebuild, take_over
 from fleet.host.process.robot_process import RobotProcess
 from fleet.host.robot.local_robot import LocalRobot
 from fleet.host.robot.rest import moving, not_resting
-from fleet.host.safety.stricter import as_strict_as_both, held_back, holds_alike, may_loosen
+from fleet.host.safety.stricter import held_back, holds_alike
 from fleet.host.workers.remote_robot import RemoteRobot
 from fleet.host.workers.worker_changes import WorkerChanges
-from fleet.model.change import FORMAT, Change, ChangeKind, ChangesAnswer, ChangesAsked, Outcome
+from fleet.model.change import (
+    FORMAT,
+    Change,
+    ChangeKind,
+    ChangesAnswer,
+    ChangesAsked,
+    Outcome,
+)
 from fleet.model.command import Transport
 from fleet.model.event import EventKind, EventReport, Requester, Severity
 from fleet.robot_config import AdapterConfig
@@ -39,7 +51,7 @@ from fleet.runtime.decoding import decode_json
 log = logging.getLogger(__name__)
 
 LIVE = frozenset({ChangeKind.SETTINGS, ChangeKind.REBUILT})
-WAITS = "what is stricter holds from now on; the rest waits until it rests: {}"
+MEMBERS = frozenset({ChangeKind.ADDED, ChangeKind.REMOVED, ChangeKind.RENAMED})
 LOOSER = "it was rebuilt; what is looser waits until it rests: {}"
 BEFORE = "it has its configuration of before"
 
@@ -61,11 +73,16 @@ class Changes:
         folder: Path,
         configured: Iterable[Callable[[Loaded], None]],
         hindrance: Callable[[str], str],
+        followers: Followers,
     ) -> None:
         self._running = loaded
         self._process, self._remote, self._workers = process, remote, workers
         self._folder, self._configured = folder, tuple(configured)
         self._section_hindrance = hindrance
+        self._meanwhile = StopsMeanwhile(process)
+        self._membership = Membership(process, followers, self._meanwhile.engage)
+        self._followers = followers
+        self._elsewhere = ChangesElsewhere(workers, remote)
         self._clock: Clock = process.clock
         self._under_way: asyncio.Task[None] | None = None
 
@@ -127,35 +144,53 @@ class Changes:
             return ChangesAnswer((), file, f"{file} cannot be used; nothing was changed: {error}")
         found = await asyncio.to_thread(_found, self._running, new)
         if asked.do == "diff":
-            planned = (msgspec.structs.replace(each, why=each.why or self._hindrance(each)) for each in found)
-            return ChangesAnswer(tuple(planned), file, warnings=tuple(map(str, new.warnings)))
-        changes = await self._apply(found, new, asked)
+            planned = (
+                msgspec.structs.replace(each, why=each.why or self._hindrance(each, new)) for each in found
+            )
+            return ChangesAnswer(_told(planned, asked), file, warnings=tuple(map(str, new.warnings)))
+        changes = _told(await self._apply(found, new, asked), asked)
         await self._keep()
         return ChangesAnswer(changes, file)
 
     # -- what would be done ----------------------------------------------------------------------------
 
-    def _hindrance(self, change: Change) -> str:
+    def _hindrance(self, change: Change, new: Loaded) -> str:
         """Return why a robot or a section cannot be changed now; empty when it can."""
+        if change.kind in MEMBERS:
+            return self._member_hindrance(change, new, force=False)
         if change.kind not in LIVE:
             return ""
         if change.section:
-            return self._section_hindrance(change.name)
+            groups = groups_hindrance(self._running.config, new.config) if change.name == "groups" else ""
+            return groups or self._section_hindrance(change.name)
         here = self._process.robots.get(change.name)
         if here is not None:
             return not_resting(here)
         return self._workers.hindrance(self._remote[change.name].worker)
 
+    def _member_hindrance(self, change: Change, new: Loaded, *, force: bool) -> str:
+        """Return why a robot cannot be added, taken out or renamed now; empty when it can."""
+        before = name_before(change, self._running, new)
+        why = unfit(self._running, new, change.name if before != change.name else "", before)
+        if why or not before or force:
+            return why
+        runs = ", ".join(self._followers.runs_with(before))
+        return not_resting(self._process.robots[before]) or (runs and f"{before} is in run {runs}")
+
     # -- doing it --------------------------------------------------------------------------------------
 
     async def _apply(self, found: Iterable[Change], new: Loaded, asked: ChangesAsked) -> tuple[Change, ...]:
         """Carry the changes out, one robot or worker after the other."""
+        self._meanwhile.begin({**self._running.config.members, **new.config.members})
+        found = sorted(found, key=lambda change: change.kind is not ChangeKind.REMOVED)  # twins become free
         done: list[Change] = []
         sections: list[Change] = []
         elsewhere: dict[str, list[Change]] = {}
         for change in found:
             await asyncio.sleep(0)  # a thousand robots must not keep a stop waiting
-            if change.kind not in LIVE:
+            if change.kind in MEMBERS:
+                done.append(await self._member(change, new, asked))
+            elif change.kind not in LIVE:
                 done.append(_left(change))
             elif change.section:
                 sections.append(change)
@@ -164,24 +199,63 @@ class Changes:
             else:
                 elsewhere.setdefault(self._remote[change.name].worker, []).append(change)
         for worker, changes in elsewhere.items():
-            done += await self._elsewhere(worker, changes, new, asked)
-        done += self._take_sections(sections, new)
+            after, ends = await self._elsewhere.carry_out(
+                worker, changes, self._running, new, force=asked.force
+            )
+            done += ends
+            if after is not self._running:
+                self._running = after
+                self._tell()
+        missing = [each.name for each in done if each.kind in MEMBERS and each.outcome is not Outcome.DONE]
+        done += await self._take_sections(sections, new, missing)
         for change in done:
-            self._record(change, asked)
+            _record(self._process, change, asked)
         return tuple(done)
 
-    def _take_sections(self, changes: list[Change], new: Loaded) -> list[Change]:
-        """Take over sections, all or none: they refer to each other."""
-        why = "; ".join(filter(None, (self._section_hindrance(change.name) for change in changes)))
+    async def _member(self, change: Change, new: Loaded, asked: ChangesAsked) -> Change:
+        """Add a robot, take it out, or have it go on under a new name."""
+        if why := self._member_hindrance(change, new, force=asked.force):
+            return ended(change, Outcome.REFUSED, why)
+        name, before = change.name, name_before(change, self._running, new)
+        try:
+            if change.kind is ChangeKind.ADDED:
+                trouble = await self._membership.add(name, new)
+            elif change.kind is ChangeKind.REMOVED:
+                trouble = await self._membership.remove(name)
+            else:
+                trouble = await self._membership.rename(before, name, self._running, new)
+        except Exception as error:
+            log.exception("the change of %s failed", name)
+            trouble = f"{type(error).__name__}: {error}"
+        if trouble:
+            return ended(change, Outcome.FAILED, trouble)
+        if before:
+            self._running = without_robot(self._running, before)
+        if change.kind is not ChangeKind.REMOVED:
+            self._running = with_robot(self._running, new, name)
+        self._tell()
+        return ended(change, Outcome.DONE)
+
+    async def _take_sections(self, changes: list[Change], new: Loaded, missing: list[str]) -> list[Change]:
+        """Take over sections, all or none: they refer to each other, and to robots (not ``missing`` ones)."""
+        if changes and missing:
+            why = f"they may name {', '.join(missing)}: see there, and apply again"
+            return [ended(change, Outcome.REFUSED, why) for change in changes]
+        why = "; ".join(filter(None, (self._hindrance(change, new) for change in changes)))
+        regroups = any(change.name == "groups" for change in changes)
+        if regroups and not why and (why := await self._workers.regroup(new.config.members)):
+            await self._workers.regroup(self._running.config.members)
         if why:
-            return [_ended(change, Outcome.REFUSED, why) for change in changes]
+            return [ended(change, Outcome.REFUSED, why) for change in changes]
         if changes:
             taken = {change.name: getattr(new.config, change.name) for change in changes}
             config = self._running.config.model_copy(update=taken)
             missions = new.missions if "missions" in taken else self._running.missions
             self._running = msgspec.structs.replace(self._running, config=config, missions=missions)
             self._tell()
-        return [_ended(change, Outcome.DONE) for change in changes]
+        if regroups:
+            self._workers.all_run_with(self._running)
+        return [ended(change, Outcome.DONE) for change in changes]
 
     async def _changed(self, change: Change, new: Loaded, asked: ChangesAsked) -> Change:
         """Change a robot of this process; what is wrong with one keeps no other from its change."""
@@ -189,7 +263,7 @@ class Changes:
             return await self._here(change, new, asked)
         except Exception as error:
             log.exception("the change of %s failed", change.name)
-            return _ended(change, Outcome.FAILED, f"{type(error).__name__}: {error}")
+            return ended(change, Outcome.FAILED, f"{type(error).__name__}: {error}")
 
     async def _here(self, change: Change, new: Loaded, asked: ChangesAsked) -> Change:
         """Change a robot of this process."""
@@ -197,67 +271,44 @@ class Changes:
         try:
             config = own_config(robot, new)
         except Exception as error:  # noqa: BLE001 - the validators are the adapter's own code
-            return _ended(change, Outcome.FAILED, f"its adapter, as it is loaded, refuses it: {error}")
+            return ended(change, Outcome.FAILED, f"its adapter, as it is loaded, refuses it: {error}")
         live, moves = change.kind is ChangeKind.SETTINGS, moving(robot)
-        waits = moves if asked.force else not_resting(robot)
-        if waits and (live or not asked.force):
-            return self._stricter(robot, config, new, change, waits)
+        hindrance = moves if asked.force else not_resting(robot)
+        if hindrance and (live or not asked.force):
+            return self._stricter(robot, config, new, change, hindrance)
         can, wanted = robot.controller.can, config
         if moves:  # it is stopped for its rebuild; what is looser waits until it was seen to stand
             config = held_back(robot.config, config, limits=can.limits, separation=can.separation)
         trouble = take_over(robot, config) if live else await rebuild(self._process, robot, config)
         if trouble:
-            return _ended(change, Outcome.FAILED, f"{trouble}; {BEFORE}")
+            return ended(change, Outcome.FAILED, f"{trouble}; {BEFORE}")
         known = {field: getattr(config, field) for field in SETTINGS} if moves else {}
         running = _config_of(new, change.name).model_copy(update=known)
         self._runs_with({change.name: running}, {change.name: new.given[change.name]})
         if moves and not holds_alike(config, wanted, can.limits, can.separation):
-            return _ended(change, Outcome.PARTLY, LOOSER.format(moves))
-        return _ended(change, Outcome.DONE)
+            return ended(change, Outcome.PARTLY, LOOSER.format(moves))
+        return ended(change, Outcome.DONE)
 
     def _stricter(
         self, robot: LocalRobot, config: AdapterConfig, new: Loaded, change: Change, moving: str
     ) -> Change:
         """Hold a robot that does not rest to what is stricter in its new configuration."""
-        can, name = robot.controller.can, robot.name
-        both = as_strict_as_both(robot.config, config, limits=can.limits, separation=can.separation)
-        if change.kind is ChangeKind.SETTINGS and holds_alike(both, config, can.limits, can.separation):
-            if trouble := take_over(robot, config):
-                return _ended(change, Outcome.FAILED, f"{trouble}; {BEFORE}")
+        name = robot.name
+        held = hold(robot, config, whole=change.kind is ChangeKind.SETTINGS)
+        if held.trouble:
+            return ended(change, Outcome.FAILED, f"{held.trouble}; {BEFORE}")
+        if held.complete:
             self._runs_with({name: _config_of(new, name)}, {name: new.given[name]})
-            return _ended(change, Outcome.DONE)
-        if holds_alike(both, robot.config, can.limits, can.separation):
-            return _ended(change, Outcome.REFUSED, moving)
-        if trouble := take_over(robot, both):
-            return _ended(change, Outcome.FAILED, f"{trouble}; {BEFORE}")
-        known = {field: getattr(both, field) for field in SETTINGS}
+            return ended(change, Outcome.DONE)
+        if not held.changed:
+            return ended(change, Outcome.REFUSED, moving)
+        known = {field: getattr(held.config, field) for field in SETTINGS}
         self._runs_with({name: _config_of(self._running, name).model_copy(update=known)}, {})
-        return _ended(change, Outcome.PARTLY, WAITS.format(moving))
-
-    async def _elsewhere(
-        self, worker: str, changes: list[Change], new: Loaded, asked: ChangesAsked
-    ) -> list[Change]:
-        """Change the robots of a worker, which starts again.
-
-        Where it allows more, ``force`` does not count: the worker alone knows now whether its robots rest.
-        """
-        names = [change.name for change in changes]
-        configs = {name: _config_of(new, name) for name in names}
-        looser = [name for name in names if may_loosen(_config_of(self._running, name), configs[name])]
-        after = _with(self._running, configs, {name: new.given[name] for name in names})
-        outcome, why = await self._workers.change(worker, after, force=asked.force and not looser)
-        if outcome is Outcome.REFUSED and asked.force and looser:
-            why += f"; what holds {', '.join(looser)} back is not loosened in motion"
-        if outcome in {Outcome.DONE, Outcome.PARTLY}:
-            for name, config in configs.items():
-                self._remote[name].configure(config)
-            self._running = after
-            self._tell()
-        return [_ended(change, outcome, why) for change in changes]
+        return ended(change, Outcome.PARTLY, waits(moving))
 
     def _runs_with(self, configs: Mapping[str, AdapterConfig], given: Mapping[str, str]) -> None:
         """Note what the edge runs with from now on."""
-        self._running = _with(self._running, configs, given)
+        self._running = with_configs(self._running, configs, given)
         self._tell()
 
     def _tell(self) -> None:
@@ -273,18 +324,19 @@ class Changes:
         except StateError as error:
             log.warning("what the edge runs with is not kept for fleet diff: %s", error)
 
-    def _record(self, change: Change, asked: ChangesAsked) -> None:
-        """Write into the history what came of a change."""
-        if change.kind is ChangeKind.UNTOUCHED:
-            return
-        severity = Severity.WARNING if change.outcome in {Outcome.FAILED, Outcome.REFUSED} else Severity.INFO
-        text = f"fleet apply: {change.name} {change.kind.value}: {change.outcome.value}"
-        text += f": {change.why}" if change.why else ""
-        log.info("%s", text)
-        asker = Requester(Transport.BUS, asked.by)
-        robot = "" if change.section else change.name
-        event = EventReport(self._clock.time(), EventKind.COMMAND, text, severity, asker, "apply")
-        self._process.history.add(robot, event)
+
+def _record(process: RobotProcess, change: Change, asked: ChangesAsked) -> None:
+    """Write into the history what came of a change."""
+    if change.kind is ChangeKind.UNTOUCHED:
+        return
+    severity = Severity.WARNING if change.outcome in {Outcome.FAILED, Outcome.REFUSED} else Severity.INFO
+    text = f"fleet apply: {change.name} {change.kind.value}: {change.outcome.value}"
+    text += f": {change.why}" if change.why else ""
+    log.info("%s", text)
+    asker = Requester(Transport.BUS, asked.by)
+    robot = "" if change.section else change.name
+    event = EventReport(process.clock.time(), EventKind.COMMAND, text, severity, asker, "apply")
+    process.history.add(robot, event)
 
 
 def _found(running: Loaded, new: Loaded) -> tuple[Change, ...]:
@@ -303,23 +355,23 @@ def _config_of(loaded: Loaded, name: str) -> AdapterConfig:
     return next(robot for robot, _ in loaded.robots if robot.name == name)
 
 
-def _with(loaded: Loaded, configs: Mapping[str, AdapterConfig], given: Mapping[str, str]) -> Loaded:
-    """Return a loaded file with other configurations of some of its robots."""
-    robots = tuple((configs.get(robot.name, robot), plugin) for robot, plugin in loaded.robots)
-    config = loaded.config.model_copy(update={"robots": tuple(robot for robot, _ in robots)})
-    return msgspec.structs.replace(loaded, config=config, robots=robots, given={**loaded.given, **given})
-
-
 def _left(change: Change) -> Change:
     """Return a change that is not carried out while the edge runs."""
     if change.kind is ChangeKind.UNTOUCHED:
         return change
-    return _ended(change, Outcome.REFUSED, f"{change.why}: end fleet run and start it again")
+    return ended(change, Outcome.REFUSED, f"{change.why}: end fleet run and start it again")
 
 
-def _ended(change: Change, outcome: Outcome, why: str = "") -> Change:
-    """Return a change with what came of it."""
-    return msgspec.structs.replace(change, outcome=outcome, why=why)
+def _told(changes: Iterable[Change], asked: ChangesAsked) -> tuple[Change, ...]:
+    """Return changes in the words of the format that is asked in."""
+    if asked.format > 1:
+        return tuple(changes)
+    return tuple(
+        msgspec.structs.replace(change, kind=ChangeKind.ADDED)
+        if change.kind is ChangeKind.RENAMED
+        else change
+        for change in changes
+    )
 
 
 def _answer(question: Query, answer: ChangesAnswer) -> None:

@@ -7,7 +7,7 @@ it keeps one out that nobody has moved through this edge yet. Of any other it is
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from typing import Protocol
 
 import msgspec
@@ -34,7 +34,7 @@ class CloudClaims:
 
     def __init__(
         self,
-        robots: Mapping[str, Claimed],
+        robots: dict[str, Claimed],
         *,
         hold: Callable[[str, str], None],
         tell: Callable[[bytes], None],
@@ -51,9 +51,23 @@ class CloudClaims:
         said = (f"edge {edge} says in the cloud that it has {robot}" for robot, edge in self._doubted.items())
         return "; ".join(said) + " (not believed: it is in use here)" if self._doubted else ""
 
+    def join(self, twin: str, robot: Claimed) -> None:
+        """Take claims on one more twin, or on the twin of another robot now."""
+        if before := self._robots.get(twin):
+            self._doubted.pop(before.name, None)
+        self._robots[twin] = robot
+
+    def leave(self, twin: str) -> None:
+        """Take no more claims on a twin."""
+        if robot := self._robots.pop(twin, None):
+            self._doubted.pop(robot.name, None)
+        self._holders.pop(twin, None)
+
     def heard(self, twin: str, holder: str) -> None:
         """Take a claim, or with an empty ``holder`` its end."""
-        robot = self._robots[twin]
+        robot = self._robots.get(twin)
+        if robot is None:  # the edge has just let go of it
+            return
         self._doubted.pop(robot.name, None)
         if holder and robot.in_use:
             self._doubted[robot.name] = holder

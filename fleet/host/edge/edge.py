@@ -5,14 +5,13 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import logging
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import msgspec
 
-from fleet.bridge.bridge import Bridge
 from fleet.bus import keys
 from fleet.bus.bus import open_edge
 from fleet.bus.zenoh_session import Query
@@ -21,11 +20,13 @@ from fleet.config.load import Loaded
 from fleet.config.places import places_of
 from fleet.health.aggregate import edge_health, robots_by_health
 from fleet.health.load import read_load
+from fleet.host.edge.bridge_to_cloud import bridge_of
 from fleet.host.edge.certificate_expiry import CertificateExpiry, files_of
 from fleet.host.edge.changes import Changes
 from fleet.host.edge.cloud_claims import CloudClaims
 from fleet.host.edge.cloud_presence import CloudPresence
 from fleet.host.edge.drop_in_watch import DropInWatch, watched_files
+from fleet.host.edge.membership import Followers
 from fleet.host.edge.metrics_port import MetricsPort
 from fleet.host.edge.missions import Missions
 from fleet.host.edge.notifier import Notifier
@@ -37,21 +38,17 @@ from fleet.host.edge.worker_robots import remote_robots, worker_managers
 from fleet.host.journal.stores import history_bounds, open_stores
 from fleet.host.process.common_start import take_starts
 from fleet.host.process.component_settings import (
-    bridge_rules,
     bus_access,
     bus_settings,
-    cloud_settings,
     settle_time,
     settle_time_beside,
-    spool_settings,
-    topics,
 )
 from fleet.host.process.driverlog import publish_robot_logs
 from fleet.host.process.history_service import HistoryService
 from fleet.host.process.interrupted_commands import tell_interrupted_commands
 from fleet.host.process.robot_process import RobotProcess
 from fleet.host.process.stop_inputs import TELL, StopInputs
-from fleet.host.process.stop_service import serve_stops, stop_everywhere
+from fleet.host.process.stop_service import replace_groups, serve_stops, stop_everywhere
 from fleet.host.requests.stop_cause import local_cause
 from fleet.host.robot.local_robot import LocalRobot
 from fleet.host.robot.robot_positions import positions_of
@@ -60,8 +57,6 @@ from fleet.host.workers.worker_changes import WorkerChanges
 from fleet.host.workers.worker_task import specs_here
 from fleet.model.health import Health, degraded
 from fleet.model.state import EdgeState, RobotState
-from fleet.robot_config import AdapterConfig
-from fleet.spool.spool import Spool
 from fleet.spool.state_folder import state_folder
 from fleet.supervisor.client import SupervisorClient
 from fleet.version import __version__
@@ -127,7 +122,15 @@ class Edge:
             self._workers = worker_managers(loaded, directory, self.process, self.remote)
             self.missions = Missions(loaded, self.process, self.remote, folder, self._stop_robots)
             undo.callback(self.missions.close)
-            self.bridge = self._bridge([robot for robot, _ in loaded.robots])
+            self.bridge = bridge_of(
+                config,
+                {robot.twin: self.missions.plans.port(robot) for robot in self.robots()},
+                put=self.bus.reports.put,
+                alive=self._alive,
+                claimed=self.cloud_claims.heard,
+                clock=clock,
+                handlers=self.missions.workflows.handlers,
+            )
             if self.bridge is not None:
                 self.missions.workflows.publish = self.bridge.voice.status
             self._presence = CloudPresence(self.bridge, self.process.supervised) if self.bridge else None
@@ -153,7 +156,7 @@ class Edge:
             config, folder, self.missions.starter, states=self.states, record=history.add, clock=clock
         )
         history.told = self.schedules.before(self._notifier.take)
-        self._pair = part_in_pair(config, gate, self.process, self.schedules.run)
+        self._pair = part_in_pair(loaded, gate, self.process, self.schedules.run)
         self._watches: DropInWatch | None = None
         self._loaded = loaded
         self._worker_changes = workers = WorkerChanges(
@@ -165,8 +168,22 @@ class Edge:
             self.remote,
             workers,
             folder=folder,
-            configured=(*self.missions.configured, self.schedules.configure, self._configure),
+            configured=(
+                *self.missions.configured,
+                self.schedules.configure,
+                self._notifier.configure,
+                self._pair.configure,
+                self._configure,
+            ),
             hindrance=self.missions.hindrance,
+            followers=Followers(
+                self.missions,
+                self._stop_inputs,
+                self.cloud_claims,
+                bridge=self.bridge,
+                presence=self._presence,
+                cloud=config.cloud,
+            ),
         )
         self.summaries = Summaries(self, config.edge, clock)
         self.beside: Callable[[], str] = str  # what is wrong with programs beside it, as the console
@@ -277,6 +294,7 @@ class Edge:
             places=places_of(self._config.places),
             pair=self._pair.role,
             epoch=self._pair.epoch,
+            pair_file=self._pair.file,
         )
 
     def services(self) -> list[Health]:
@@ -300,31 +318,11 @@ class Edge:
     def _configure(self, loaded: Loaded) -> None:
         """Tell what another configuration says from now on."""
         self._config = loaded.config
+        replace_groups(self._groups, loaded.config.members)
 
     def _soon(self, call: Callable[[], None]) -> None:
         """Run a call on the event loop; from any thread."""
         self.process.loop.call_soon_threadsafe(call)
-
-    def _bridge(self, robots: Iterable[AdapterConfig]) -> Bridge | None:
-        """Build the bridge, where fleet.yaml has a cloud."""
-        cloud = self._config.cloud
-        if cloud is None:
-            return None
-        ports = {robot.twin: self.missions.plans.port(robot) for robot in self.robots()}
-        simulated = all(port.source_type == "sim" for port in ports.values())
-        return Bridge(
-            cloud_settings(cloud, simulated=simulated),
-            topics(cloud),
-            ports,
-            edge=self._config.edge.id,
-            rules=bridge_rules(cloud, robots, self._config.pair or ()),
-            put=self.bus.reports.put,
-            alive=self._alive,
-            claimed=self.cloud_claims.heard,
-            clock=self._clock,
-            spool=Spool(spool_settings(self._config), self._clock),
-            handlers=self.missions.workflows.handlers,
-        )
 
     def _declare(self, ended: asyncio.Event) -> None:
         """Show the edge on the bus, and begin what it says about itself."""

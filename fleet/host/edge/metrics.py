@@ -145,7 +145,7 @@ def _inward(bridge: Bridge) -> Iterator[Metric]:
     latency = HistogramMetricFamily(
         "fleet_command_latency_seconds", "From a message's arrival to its receipt.", labels=["robot"]
     )
-    for robot, latencies in downlink.latencies.items():
+    for robot, latencies in list(downlink.latencies.items()):
         latency.add_metric([robot], latencies.buckets(), latencies.total)
     yield from (received, answered, refused, latency)
 

@@ -2,18 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from functools import partial
+from typing import Any
 
 from fleet.bus import keys
 from fleet.bus.zenoh_session import ZenohSession
 from fleet.config.load import Loaded
+from fleet.host.edge.partners import PartnerRobot
 from fleet.host.robot.local_robot import LocalRobot
 from fleet.host.safety.source_policy import SourcePolicy
 from fleet.host.workers.remote_robot import RemoteRobot
 from fleet.missions.plan import plans_taken
+from fleet.missions.roles import Candidate
+from fleet.missions.run import Robot
+from fleet.missions.state import Facts
 from fleet.model.command import Request, Transport
 from fleet.model.description import RobotDescription
+from fleet.model.report import Report
 from fleet.model.state import RobotState
 from fleet.runtime.decoding import decode_json
 from fleet.wire.rules import Kind
@@ -30,7 +36,9 @@ class RobotRules:
         self.configure(loaded)
 
     def configure(self, loaded: Loaded) -> None:
-        """Take over another configuration of the same robots."""
+        """Take over another configuration, with the robots that it has."""
+        for gone in self.policies.keys() - {robot.name for robot, _ in loaded.robots}:
+            del self.policies[gone], self.max_age[gone]
         for robot, _ in loaded.robots:
             self.policies[robot.name] = SourcePolicy(robot.accepts, simulated=robot.simulated)
             self.max_age[robot.name] = robot.command_max_age
@@ -67,8 +75,56 @@ class RobotElsewhere:
         return self._robot.read(kind, payload, way=way, request_id=request_id, waits=waits)
 
 
+class MissionRobots:
+    """The robots that runs of an edge may have, by name: of this edge, and of its partners.
+
+    ``ours`` are those of this edge, ``here`` and ``elsewhere`` (in workers); ``edges`` has the edge of each
+    that another process describes, ``names`` the name by twin, ``senders`` what takes the reports on a robot.
+    """
+
+    def __init__(
+        self,
+        edge: str,
+        robots: Iterable[LocalRobot | RemoteRobot],
+        partners: Mapping[str, PartnerRobot],
+        sender: Callable[[str], Callable[[Report], None]],
+    ) -> None:
+        self._edge, self._sender = edge, sender
+        self.here: dict[str, RobotHere] = {}
+        self.elsewhere: dict[str, RobotElsewhere] = {}
+        self.ours: dict[str, Robot] = {}
+        self.everyones: dict[str, Robot] = dict(partners)
+        self.edges = {name: robot.edge for name, robot in partners.items()}
+        self.names: dict[str, str] = {}
+        self.senders: dict[str, Callable[[Report], None]] = {}
+        for robot in robots:
+            self.join(robot)
+
+    def join(self, robot: LocalRobot | RemoteRobot) -> None:
+        """Have one more robot of this edge, in place of another one of its twin if there is one."""
+        name = robot.name
+        ours: Robot
+        if isinstance(robot, LocalRobot):
+            ours = self.here[name] = RobotHere(robot)
+        else:
+            ours = self.elsewhere[name] = RobotElsewhere(robot)
+            self.edges[name] = self._edge
+        self.everyones[name] = self.ours[name] = ours
+        self.names[robot.twin] = name
+        self.senders[name] = self._sender(robot.twin)
+
+    def leave(self, name: str) -> str:
+        """Have a robot no more; return its twin, empty where another robot has that by now."""
+        tables: tuple[dict[str, Any], ...] = (self.here, self.elsewhere, self.ours)
+        for table in (*tables, self.everyones, self.edges, self.senders):
+            table.pop(name, None)
+        twin = next((twin for twin, named in self.names.items() if named == name), "")
+        self.names.pop(twin, None)
+        return twin
+
+
 class Descriptions:
-    """What robots of other processes take, as they say; ``edges`` are theirs, by name."""
+    """What robots of other processes take, as they say; ``edges`` are theirs, by name, and may change."""
 
     def __init__(
         self, control: ZenohSession, soon: Callable[[Callable[[], None]], None], edges: Mapping[str, str]
@@ -94,7 +150,7 @@ class Descriptions:
             if not waiting:
                 self._soon(then)
 
-        for name in sorted(waiting):
+        for name in sorted(self._edges):
             self._control.ask_later(
                 keys.description(self._edges[name], name),
                 b"",
@@ -121,3 +177,21 @@ def trouble(state: RobotState, description: RobotDescription | None) -> str:
     if state.emergency_stop:
         return f"its emergency stop is set: {state.stop_cause}"
     return "" if description is not None else "its worker does not say what it takes"
+
+
+def candidate(
+    state: RobotState, description: RobotDescription | None, groups: Mapping[str, Iterable[str]]
+) -> Candidate:
+    """Return a robot as it may be chosen for a run."""
+    at = state.site or state.position
+    position = (at.x, at.y, at.z) if at is not None else None
+    facts = Facts(state.name, state.health, state.battery, position, state.activity)
+    return Candidate(
+        state.name,
+        state.adapter,
+        can(description),
+        facts,
+        frozenset(name for name, members in groups.items() if state.name in members),
+        trouble(state, description),
+        state.run,
+    )

@@ -86,16 +86,15 @@ class MissionWays:
 
     def __init__(self, loaded: Loaded, state_of: Callable[[str], RobotState]) -> None:
         self.state_of = state_of
-        self._checks: dict[str, WayCheck] = {}
         self.configure(loaded)
 
     def configure(self, loaded: Loaded) -> None:
-        """Check by another configuration of the robots and places."""
+        """Check by another configuration of the places, with the robots that it has."""
         origin = loaded.config.site.origin
         self.site = SiteMap(
             places_of(loaded.config.places), GeoOrigin(*origin) if origin is not None else None
         )
-        self._checks.update({robot.name: WayCheck(robot, self.site) for robot, _ in loaded.robots})
+        self._checks = {robot.name: WayCheck(robot, self.site) for robot, _ in loaded.robots}
 
     def hindrance(self, robot: str, act: Act) -> str:
         """Return why a robot must not do something; empty when nothing is known against it."""

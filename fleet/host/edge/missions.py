@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 import logging
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
@@ -14,22 +13,24 @@ from fleet.bus import keys
 from fleet.bus.zenoh_session import Query
 from fleet.config.load import Loaded
 from fleet.config.missions import Mission
-from fleet.errors import Refused, WireError
+from fleet.errors import Refused
 from fleet.host.edge.cloud_workflows import CloudWorkflows
 from fleet.host.edge.common_start import CommonStart
 from fleet.host.edge.coordinators import Coordinators
 from fleet.host.edge.known_missions import KnownMissions
-from fleet.host.edge.mission_robots import Descriptions, RobotElsewhere, RobotHere, RobotRules, can, trouble
+from fleet.host.edge.mission_robots import Descriptions, MissionRobots, RobotRules, candidate
 from fleet.host.edge.mission_starter import MissionStarter
 from fleet.host.edge.mission_ways import MissionWays
 from fleet.host.edge.partners import Partners
 from fleet.host.edge.rehearsals import Rehearsals
+from fleet.host.edge.robot_reports import RobotReports
 from fleet.host.edge.run_results import RunResults
 from fleet.host.edge.start_requests import StartRequests
 from fleet.host.edge.twin_plans import TwinPlans
 from fleet.host.process.robot_process import RobotProcess
 from fleet.host.requests.console_asker import console_refusal
 from fleet.host.requests.stop_cause import StopCause
+from fleet.host.robot.local_robot import LocalRobot
 from fleet.host.workers.remote_robot import RemoteRobot
 from fleet.missions.filling import mission_state
 from fleet.missions.report import ControlAsk, Controlled, RunState, StartAsk, Started, ended_state
@@ -37,18 +38,12 @@ from fleet.missions.results import EVERY as TRACK_EVERY
 from fleet.missions.roles import Candidate
 from fleet.missions.run import Robot
 from fleet.missions.runs import Runs, check_run_id
-from fleet.missions.state import Facts, Head, Member
+from fleet.missions.state import Head, Member
 from fleet.missions.store import About, Store, Told
 from fleet.model.command import Origin, Transport
-from fleet.model.description import RobotDescription
 from fleet.model.event import EventKind, EventReport, Requester, Severity
 from fleet.model.permission import Permission
-from fleet.model.report import NavigationReport, PhotoReport
-from fleet.model.state import RobotState
 from fleet.runtime.decoding import decode_json
-from fleet.wire.published import object_in
-from fleet.wire.strict import text
-from fleet.wire.topics import data_key
 
 LOOK_EVERY = 0.2  # s
 SHOWN = 50  # runs that ended
@@ -74,10 +69,7 @@ class Missions:
         self._groups = config.members
         self._bus_session = process.bus.control
         self._process = process
-        self._here = {name: RobotHere(robot) for name, robot in process.robots.items()}
-        self._elsewhere = {name: RobotElsewhere(robot) for name, robot in elsewhere.items()}
         self._recorded: set[str] = set()
-        self._twins = {robot.name: str(robot.twin) for robot, _ in loaded.robots}
         rules = RobotRules(loaded)
         self._policies = rules.policies
         self._states = self._bus_session.publishers(keys.run(self._edge, "*"))
@@ -90,14 +82,18 @@ class Missions:
             soon=self._soon,
             clock=process.clock,
         )
-        edges = dict.fromkeys(self._elsewhere, self._edge)
-        edges |= {name: robot.edge for name, robot in self.partners.robots.items()}
-        self._descriptions = Descriptions(self._bus_session, self._soon, edges)
+        self._robots = robots = MissionRobots(
+            self._edge,
+            [*process.robots.values(), *elsewhere.values()],
+            self.partners.robots,
+            process.outbox.sender,
+        )
+        self._descriptions = Descriptions(self._bus_session, self._soon, robots.edges)
         self.store = Store(folder)
         ways = MissionWays(loaded, lambda robot: self.runs.robots[robot].state())
         self.runs = Runs(
             self._edge,
-            {**self._here, **self._elsewhere, **self.partners.robots},
+            robots.everyones,
             candidates=self._candidates,
             allowed=self._refusal,
             site=ways.site,
@@ -114,7 +110,7 @@ class Missions:
         self.coordinators = Coordinators(
             self._edge,
             config.partners,
-            {**self._here, **self._elsewhere},
+            robots.ours,
             self._policies,
             site=site,
             record=process.history.add,
@@ -124,7 +120,7 @@ class Missions:
         self.rehearsals = Rehearsals(
             loaded,
             self.runs.filling,
-            states=lambda: [robot.state() for robot in self.runs.robots.values()],
+            states=lambda: [robot.state() for robot in robots.everyones.values()],
             folder=folder,
             clock=process.clock,
         )
@@ -133,7 +129,7 @@ class Missions:
         self.plans = TwinPlans(
             self.runs,
             self.starts,
-            {robot.name: process.outbox.sender(str(robot.twin)) for robot, _ in loaded.robots},
+            robots.senders,
             self._policies,
             max_age=rules.max_age,
             record=process.history.add,
@@ -149,8 +145,8 @@ class Missions:
             record=process.history.add,
             clock=process.clock,
         )
-        twins = {twin: name for name, twin in self._twins.items()}
-        self.results = RunResults(folder, self.runs, self.runs.robots, twins, process.clock)
+        self.results = RunResults(folder, self.runs, robots.everyones, robots.names, process.clock)
+        self._reported = RobotReports(self._event, self.plans.heard, self.results.heard)
         process.outbox.pictured = self.results.pictured
         process.on_stop = self.stopped
         self._ways = ways
@@ -159,6 +155,7 @@ class Missions:
     def _configure(self, loaded: Loaded) -> None:
         """Begin runs by another configuration; those under way keep their copies."""
         self._missions.configure(loaded)
+        self._groups = loaded.config.members
         self._ways.configure(loaded)
         if self._ways.site != self.runs.site:
             self.runs.site = self._ways.site
@@ -213,26 +210,23 @@ class Missions:
             tell_others(robot, event)
             self._event(robot, event.kind.value)
 
-        def published(robot: str, sample: bytes) -> None:
-            with contextlib.suppress(WireError):
-                self._event(robot, text(object_in(sample, EventReport.channel), "event_type"))
-
         self._process.history.told = told
-        calls = {
-            data_key(twin, EventReport.channel): partial(published, name)
-            for name, twin in self._twins.items()
-        }
-        self._process.bus.reports.subscribe_many(f"cw/*/data/{EventReport.channel}", calls)
-        actions = {
-            data_key(self._twins[name], NavigationReport.channel): self.plans.heard
-            for name in self._elsewhere
-        }
-        self._process.bus.reports.subscribe_many(f"cw/*/data/{NavigationReport.channel}", actions)
-        pictures = {
-            data_key(self._twins[name], PhotoReport.channel): self.results.heard(self._twins[name])
-            for name in self._elsewhere
-        }
-        self._process.bus.reports.subscribe_many(f"cw/*/data/{PhotoReport.channel}", pictures)
+        for twin, name in self._robots.names.items():
+            self._reported.join(name, twin, elsewhere=name in self._robots.elsewhere)
+        self._reported.listen(self._process.bus.reports)
+
+    # -- robots that come and go -----------------------------------------------------------------------
+
+    def join(self, robot: LocalRobot | RemoteRobot) -> None:
+        """Have one more robot, in place of another one of its twin if there is one; on the loop."""
+        self._robots.join(robot)
+        self._reported.join(robot.name, robot.twin, elsewhere=robot.name in self._robots.elsewhere)
+
+    def leave(self, name: str) -> None:
+        """Have a robot no more, which no run goes by; on the loop."""
+        twin = self._robots.leave(name)
+        if twin:
+            self._reported.leave(twin)
 
     def _event(self, robot: str, event: str) -> None:
         """Take an event of a robot; from any thread, and for nothing while no run is under way."""
@@ -243,26 +237,10 @@ class Missions:
 
     def _candidates(self) -> list[Candidate]:
         """Return what each robot can and is now."""
-        here = [(robot.state(), robot.describe()) for robot in self._here.values()]
-        others: dict[str, Robot] = {**self._elsewhere, **self.partners.robots}
+        here = [(robot.state(), robot.describe()) for robot in self._robots.here.values()]
+        others: dict[str, Robot] = {**self._robots.elsewhere, **self.partners.robots}
         elsewhere = [(robot.state(), self._descriptions.of(name)) for name, robot in others.items()]
-        return [self._candidate(state, description) for state, description in (*here, *elsewhere)]
-
-    def _candidate(self, state: RobotState, description: RobotDescription | None) -> Candidate:
-        """Return one robot."""
-        groups = frozenset(name for name, members in self._groups.items() if state.name in members)
-        at = state.site or state.position
-        position = (at.x, at.y, at.z) if at is not None else None
-        facts = Facts(state.name, state.health, state.battery, position, state.activity)
-        return Candidate(
-            state.name,
-            state.adapter,
-            can(description),
-            facts,
-            groups,
-            trouble(state, description),
-            state.run,
-        )
+        return [candidate(*each, self._groups) for each in (*here, *elsewhere)]
 
     def _refusal(self, robot: str, origin: Origin, commands: bool, navigates: bool) -> str | None:  # noqa: FBT001 - by position
         """Return why somebody may not start a mission with a robot; None when he may."""

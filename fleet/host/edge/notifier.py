@@ -22,6 +22,7 @@ import msgspec
 
 from fleet.bus.zenoh_session import ZenohSession
 from fleet.clock import Clock
+from fleet.config.load import Loaded
 from fleet.config.notify import NotifyConfig
 from fleet.errors import WireError
 from fleet.model.event import EventReport, Severity
@@ -46,7 +47,29 @@ class Notifier:
     """All targets of fleet.yaml's ``notify``."""
 
     def __init__(self, configs: Iterable[NotifyConfig], edge: str, clock: Clock) -> None:
-        self._targets = [NoticeTarget(config, edge, clock, sender_of(config)) for config in configs]
+        self._edge, self._clock = edge, clock
+        self._reports: ZenohSession | None = None
+        self._calls: dict[str, Callable[[bytes], None]] = {}
+        self._listens = False
+        self._targets: list[NoticeTarget] = []
+        self.use(configs)
+
+    def configure(self, loaded: Loaded) -> None:
+        """Have the targets of another configuration."""
+        self.use(loaded.config.notified)
+
+    def use(self, configs: Iterable[NotifyConfig]) -> None:
+        """Have these targets: those that stay go on, one that is gone sends what waits and ends."""
+        before, now = list(self._targets), []
+        for config in configs:
+            same = next((target for target in before if target.config == config), None)
+            if same is not None:
+                before.remove(same)
+            now.append(same or NoticeTarget(config, self._edge, self._clock, sender_of(config)))
+        self._targets = now
+        for target in before:
+            target.end()
+        self._listen()
 
     def take(self, robot: str, event: EventReport, *, heard: bool = False) -> None:
         """Take an event of a robot; from any thread, never waits. ``heard``: it was said on the bus."""
@@ -58,18 +81,23 @@ class Notifier:
 
         Anybody there can say them: nobody who asked is proven, and they leave room for those of our own.
         """
-        if not self._targets:
-            return
+        self._reports = reports
+        for twin, name in robots.items():
+            self._calls[data_key(twin, EventReport.channel)] = partial(self._heard, name)
+        self._listen()
 
-        def heard(robot: str, sample: bytes) -> None:
-            with contextlib.suppress(WireError):
-                event = unproven(decode_report(EventReport.channel, sample))
-                if isinstance(event, EventReport):
-                    self.take(robot, event, heard=True)
+    def _listen(self) -> None:
+        """Listen on the bus, once there is somebody to tell of somebody."""
+        if self._reports is not None and self._targets and self._calls and not self._listens:
+            self._listens = True
+            self._reports.subscribe_many(f"cw/*/data/{EventReport.channel}", self._calls)
 
-        calls = {data_key(twin, EventReport.channel): partial(heard, name) for twin, name in robots.items()}
-        if calls:
-            reports.subscribe_many(f"cw/*/data/{EventReport.channel}", calls)
+    def _heard(self, robot: str, sample: bytes) -> None:
+        """Take an event of a robot in another process; on the bus's thread."""
+        with contextlib.suppress(WireError):
+            event = unproven(decode_report(EventReport.channel, sample))
+            if isinstance(event, EventReport):
+                self.take(robot, event, heard=True)
 
     def close(self) -> None:
         """Send what waits, within a moment, and end."""
@@ -84,7 +112,7 @@ class NoticeTarget:
 
     def __init__(self, config: NotifyConfig, edge: str, clock: Clock, send: Send) -> None:
         self.problem = ""
-        self._config = config
+        self.config = config
         self._edge = edge
         self._clock = clock
         self._send = send
@@ -102,7 +130,7 @@ class NoticeTarget:
 
         Those ``heard`` on the bus have limits of their own, and half of the room at most.
         """
-        config = self._config
+        config = self.config
         told = event.kind in config.events or event.severity in GRAVE
         if not told or (config.robots and robot not in config.robots):
             return
@@ -138,7 +166,7 @@ class NoticeTarget:
         body = notice(self._edge, robot, event, left_out)
         for wait in (*WAITS, None):
             try:
-                self._send(body, self._config.timeout)
+                self._send(body, self.config.timeout)
             except Exception as error:  # noqa: BLE001 - whatever is wrong with a target, it is told
                 problem = f"{type(error).__name__}: {error}"
             else:
@@ -148,7 +176,7 @@ class NoticeTarget:
                 break
         self._left_out += left_out + 1
         if not self.problem:  # once, not with its address: that may be a secret
-            log.error("a notice of %s did not get to its %s: %s", event.kind, self._config.what, problem)
+            log.error("a notice of %s did not get to its %s: %s", event.kind, self.config.what, problem)
         self.problem = problem
 
 

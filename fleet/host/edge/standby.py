@@ -19,6 +19,8 @@ import msgspec
 
 from fleet.bus import keys
 from fleet.bus.zenoh_session import Query
+from fleet.config.difference import digest_of
+from fleet.config.load import Loaded
 from fleet.config.schema import FleetConfig
 from fleet.host.edge.pair_stops import PairStops
 from fleet.host.process.robot_process import RobotProcess
@@ -35,6 +37,8 @@ from fleet.standby.store import LeaseStore, ServiceSettings
 log = logging.getLogger(__name__)
 
 FAILOVER = "failover"
+ACCEPT = b'{"accept":true}'
+"""What is asked of the standby whose file differs: to take the robots over nevertheless."""
 
 
 def open_gate(config: FleetConfig) -> LinkGate | None:
@@ -58,12 +62,13 @@ class Standby:
 
     def __init__(
         self,
-        config: FleetConfig,
+        loaded: Loaded,
         gate: LinkGate,
         process: RobotProcess,
         *,
         serve: Serve,
     ) -> None:
+        config = loaded.config
         assert config.pair is not None
         self._edge = config.edge.id
         self._other = next(edge for edge in config.pair if edge != self._edge)
@@ -74,7 +79,9 @@ class Standby:
         self._serve = serve
         self._serving: asyncio.Task[None] | None = None
         self._terms = Terms()
-        lease = Lease(self._edge, f"{self._edge}-{os.getpid()}-{uuid.uuid4().hex[:12]}", self._terms)
+        run = f"{self._edge}-{os.getpid()}-{uuid.uuid4().hex[:12]}"
+        self.file = digest_of(loaded)  # what both edges must agree about
+        lease = Lease(self._edge, run, self._terms, self.file)
         self._keeper = LeaseKeeper(lease, _store(config), self, clock=boot_time)
         self._letting_go: asyncio.Task[None] | None = None
         self._barred = True
@@ -86,7 +93,16 @@ class Standby:
     @property
     def problem(self) -> str:
         """Why no edge can take over; empty while one can."""
+        if self._keeper.lease.differs and self.role == LeaseState.STANDBY.value:
+            return (
+                f"no takeover from edge {self._other}: its file says something else of robots or missions; "
+                "give both the same, and apply it"
+            )
         return self._keeper.problem
+
+    def configure(self, loaded: Loaded) -> None:
+        """Tell what the edge runs with from now on."""
+        self.file = self._keeper.lease.config = digest_of(loaded)
 
     @property
     def role(self) -> str:
@@ -187,17 +203,19 @@ class Standby:
         if self._serving is not None:
             self._serving.cancel()
             self._serving = None
-        self._letting_go = asyncio.ensure_future(self._let_go())
 
-    async def _let_go(self) -> None:
-        """Say that no link is open any more, once it is so."""
-        await self._process.runs.all_ended()
-        self._gate.epoch = 0
-        self._keeper.let_go()
+        async def let_go() -> None:  # once no link is open any more
+            await self._process.runs.all_ended()
+            self._gate.epoch = 0
+            self._keeper.let_go()
+
+        self._letting_go = asyncio.ensure_future(let_go())
 
     def _waits(self) -> None:
         """Show that the robots are another edge's."""
         why = f"edge {self._other} of the pair has the lease"
+        if self._keeper.lease.differs:
+            why += ", and another file: no takeover"
         if why != self._why:
             self._bar(why)
 
@@ -225,7 +243,11 @@ class Standby:
         """Hand the lease over, as somebody asks; on the bus's thread."""
 
         def hand_over() -> None:
-            if self._keeper.lease.state is not LeaseState.HOLDER:
+            if question.payload == ACCEPT and self._keeper.lease.differs:
+                log.warning("the robots of edge %s are taken over with another file", self._other)
+                self._keeper.accept()
+                reply = Reply(FAILOVER, ReplyStatus.ACCEPTED)
+            elif self._keeper.lease.state is not LeaseState.HOLDER:
                 reply = Reply(FAILOVER, ReplyStatus.REJECTED, f"edge {self._edge} does not hold the lease")
             else:
                 log.warning("the lease is handed over to edge %s, as somebody asks", self._other)
@@ -240,12 +262,15 @@ class Standby:
 class Alone:
     """In the place of ``Standby`` in an edge without a pair: everything is served all the time."""
 
-    problem = role = ""
+    problem = role = file = ""
     epoch = 0
 
     def __init__(self, serve: Serve) -> None:
         self._serve = serve
         self._serving: asyncio.Task[None] | None = None
+
+    def configure(self, loaded: Loaded) -> None:
+        """Take note of nothing: no other edge needs to know."""
 
     def begin(self) -> None:
         """Serve."""
@@ -263,13 +288,13 @@ class Alone:
 
 
 def part_in_pair(
-    config: FleetConfig,
+    loaded: Loaded,
     gate: LinkGate | None,
     process: RobotProcess,
     serve: Serve,
 ) -> Standby | Alone:
     """Return the edge's part in its pair; ``serve`` runs while the robots are this edge's."""
-    return Alone(serve) if gate is None else Standby(config, gate, process, serve=serve)
+    return Alone(serve) if gate is None else Standby(loaded, gate, process, serve=serve)
 
 
 def bound_of(config: AdapterConfig) -> Bound:

@@ -123,7 +123,8 @@ class TwinPlans:
         state, message = status
         report = NavigationReport(self._clock.time(), run, state, 0.0, message, self._items.get(run, 0))
         for robot in robots:
-            self._publish[robot](report)
+            if publish := self._publish.get(robot):  # else the edge has it no more
+                publish(report)
 
     def _pilots_of(self, run: str) -> list[str]:
         """Return the robots of this edge that fly plans in a run."""

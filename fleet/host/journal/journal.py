@@ -262,11 +262,13 @@ class Journal:
                 latched, past = self._recall(name)
         except sqlite3.Error as error:
             self._fail(error)
-        if latched:
-            log.warning("%s: the emergency stop is still set: %s", name, latched)
-            with self._adding:
+        with self._adding:
+            latched = self._set.get(name) or latched  # it may be on its way to the disk
+            if latched:
                 self._set[name] = latched
                 self._add(Latched(name, latched))
+        if latched:
+            log.warning("%s: the emergency stop is still set: %s", name, latched)
         return RobotJournal(name, self._put, latched=latched, past=past, clock=self._clock)
 
     def take_interrupted(self, names: Iterable[str]) -> list[InterruptedCommand]:

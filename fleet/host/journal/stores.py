@@ -5,14 +5,14 @@ from __future__ import annotations
 from pathlib import Path
 
 from fleet.clock import Clock
-from fleet.config.schema import FleetConfig
+from fleet.config.schema import Sections
 from fleet.history.store import History, HistoryBounds
 from fleet.host.journal.execution_journal import execution_journal_file
 from fleet.host.journal.journal import Journal
 from fleet.robot_config import MAIN
 
 
-def history_bounds(config: FleetConfig) -> HistoryBounds:
+def history_bounds(config: Sections) -> HistoryBounds:
     """Return how much history fleet.yaml wants kept."""
     kept = config.edge.history
     return HistoryBounds(kept.size << 20, kept.days * 86400.0)

@@ -70,9 +70,12 @@ class CommonStarts:
     def declare(self) -> None:
         """Take what is asked on the bus."""
         edge, control = self._process.edge, self._process.bus.control
-        for robot in self._process.robots.values():
+
+        def serve(robot: LocalRobot) -> Callable[[], None]:
             robot.controller.event_reporter.heard = partial(self._interrupted, robot.name)
-            control.answer(keys.prepare(edge, robot.name), partial(self._asked_to_prepare, robot))
+            return control.answer(keys.prepare(edge, robot.name), partial(self._asked_to_prepare, robot))
+
+        self._process.services.append(serve)
         control.answer(keys.starts(edge), self._asked)
         control.watch_tokens(keys.starting(edge, "*"), self._token)
         self._process.scheduler.every(LOOK, self._look)

@@ -10,8 +10,11 @@ import asyncio
 import logging
 from collections.abc import Callable
 
+import msgspec
+
 from fleet.host.process.robot_process import RobotProcess
 from fleet.host.robot.local_robot import LocalRobot
+from fleet.host.safety.stricter import as_strict_as_both, holds_alike
 from fleet.robot_config import AdapterConfig
 
 log = logging.getLogger(__name__)
@@ -27,7 +30,7 @@ async def rebuild(process: RobotProcess, robot: LocalRobot, config: AdapterConfi
     A robot that answered before must answer within ``BACK_WITHIN``.
     """
     before, answered = robot.config, not robot.controller.offline
-    trouble = await _ended(process, robot)
+    trouble = await ended(process, robot)
     if trouble:
         return trouble
     trouble = take_over(robot, config)
@@ -37,7 +40,7 @@ async def rebuild(process: RobotProcess, robot: LocalRobot, config: AdapterConfi
     if not answered or await seen(lambda: not robot.controller.offline, BACK_WITHIN):
         return ""
     cause = robot.state().cause
-    stuck = await _ended(process, robot)
+    stuck = await ended(process, robot)
     robot.configure(before)
     if not stuck:
         process.runs.resume(robot)
@@ -56,7 +59,35 @@ def take_over(robot: LocalRobot, config: AdapterConfig) -> str:
     return ""
 
 
-async def _ended(process: RobotProcess, robot: LocalRobot) -> str:
+class Held(msgspec.Struct, frozen=True):
+    """What a robot runs with after ``hold``: a whole configuration (``complete``), a part, or that of before.
+
+    ``trouble`` is why it was not taken over.
+    """
+
+    config: AdapterConfig
+    changed: bool = False
+    complete: bool = False
+    trouble: str = ""
+
+
+def hold(robot: LocalRobot, config: AdapterConfig, *, whole: bool) -> Held:
+    """Hold a robot that may move to what is stricter in a new configuration.
+
+    ``whole``: its adapter goes on with it, so that all of it is taken over where nothing in it is looser.
+    """
+    before, can = robot.config, robot.controller.can
+    both = as_strict_as_both(before, config, limits=can.limits, separation=can.separation)
+    complete = whole and holds_alike(both, config, can.limits, can.separation)
+    if not complete and holds_alike(both, before, can.limits, can.separation):
+        return Held(before)
+    target = config if complete else both
+    if trouble := take_over(robot, target):
+        return Held(before, trouble=trouble)
+    return Held(target, changed=True, complete=complete)
+
+
+async def ended(process: RobotProcess, robot: LocalRobot) -> str:
     """End a robot's run; return why it cannot be begun anew."""
     process.runs.pause(robot)
     if not await seen(lambda: process.runs.is_paused(robot), ENDS_WITHIN):

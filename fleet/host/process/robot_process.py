@@ -9,24 +9,22 @@ import logging
 import os
 from collections.abc import Callable, Iterable, Mapping
 from functools import partial
-from typing import Any, cast, get_args
+from typing import Any
 
 import msgspec
 
 from fleet.bus import keys
 from fleet.bus.bus import Bus
-from fleet.bus.zenoh_session import Query
 from fleet.clock import Clock
 from fleet.history.store import History
-from fleet.host.journal.journal import Journal
+from fleet.host.journal.journal import Journal, RobotJournal
 from fleet.host.logs.rotating_file import log_and_flush
-from fleet.host.process.console_requests import ConsoleRequests
 from fleet.host.process.frame_publisher import FramePublisher
+from fleet.host.process.robot_endpoints import RobotEndpoints
 from fleet.host.process.robot_runs import RobotRuns
-from fleet.host.process.setpoints import take_setpoints
+from fleet.host.process.setpoints import Setpoints
 from fleet.host.process.twin_claims import TwinClaims
 from fleet.host.process.video_relay import relay_video
-from fleet.host.requests.answering import answer_to
 from fleet.host.requests.stop_cause import StopCause, local_cause
 from fleet.host.robot.local_robot import LocalRobot
 from fleet.host.robot.report_queue import ReportQueue
@@ -38,14 +36,11 @@ from fleet.host.runtime.threads import HALT_WAIT, run_in_thread, run_in_turn
 from fleet.host.runtime.tick_scheduler import TickScheduler
 from fleet.host.runtime.watchdog import LoopWatch, Watchdog
 from fleet.link.tap import OPENING
-from fleet.model.command import Reply, ReplyStatus, Transport
 from fleet.robot_config import MAIN
 from fleet.runtime.decoding import decode_json
 from fleet.runtime.interpreter import freeze_new_objects, interpreter_settings
 from fleet.supervisor.client import SupervisorClient
 from fleet.supervisor.protocol import StopRequest
-from fleet.wire.rules import Kind
-from fleet.wire.stops import stop_in
 
 log = logging.getLogger(__name__)
 
@@ -55,7 +50,6 @@ YOUNG = 20_000  # objects made and not yet done with, after which the garbage co
 STATE_EVERY = 1.0  # s between states of a robot that does not change
 SHUTDOWN = 8.0  # s for all robots to come to a standstill when the process ends
 LAST_WORDS = 1.0  # s for the log line of a process that ends itself
-KINDS = get_args(Kind)
 
 
 class RobotSpec(msgspec.Struct, frozen=True):
@@ -72,6 +66,7 @@ class RobotProcess:
 
     ``history`` takes what is asked, by whom, and what came of it; the journal's thread writes it.
     ``settle``: how many seconds other edges get to show which twins they have, before a robot is run.
+    ``services``: what else is done when a robot begins to be served; each returns what ends it.
     ``traffic``: positions of all robots of the edge and its partners; left out, they are not kept apart.
     """
 
@@ -104,6 +99,9 @@ class RobotProcess:
         self.starvation = CpuStarvation(clock.monotonic(), self._thread.waited())
         self._shared = SharedResources()
         self.runs = RobotRuns(self._look_at_claim)
+        self._served: dict[str, contextlib.ExitStack] = {}  # what ends the service of each robot
+        self.services: list[Callable[[LocalRobot], Callable[[], None]]] = []
+        self._setpoints = Setpoints(bus.reports, self.loop)
         self._states = bus.control.publishers(keys.state(edge, "*"))
         self._settling: asyncio.TimerHandle | None = None
         self._interpreter = contextlib.ExitStack()  # its settings, while the robots run
@@ -119,11 +117,12 @@ class RobotProcess:
             ),
         )
         self.robots: dict[str, LocalRobot] = {spec.config.name: self._make(spec) for spec in specs}
+        self._traffic = traffic
         if traffic is not None:
             for robot in self.robots.values():
                 robot.share_space(traffic)
             exchange(traffic, worker or MAIN, bus.control, self.scheduler)
-        self._consoles = ConsoleRequests(bus.consoles, clock)
+        self._endpoints = RobotEndpoints(edge, bus, clock)
         self.claims = TwinClaims(
             edge,
             [robot.twin for robot in self.robots.values()],
@@ -138,7 +137,7 @@ class RobotProcess:
         self.on_holder: Callable[[str, str], None] = lambda _twin, _holder: None
         self.on_stop: Callable[[tuple[str, ...], StopCause], None] = lambda _names, _cause: None
 
-    def _make(self, spec: RobotSpec) -> LocalRobot:
+    def _make(self, spec: RobotSpec, journal: RobotJournal | None = None) -> LocalRobot:
         """Build one robot; the links that it opens leave copies of their frames for a recorder."""
         context = contextvars.copy_context()
         context.run(OPENING.set, self._frames.opening(spec.config.name, spec.plugin.redaction))
@@ -154,7 +153,7 @@ class RobotProcess:
             scheduler=self.scheduler,
             shared=self._shared,
             outbox=self.outbox,
-            journal=self.journal.robot(spec.config.name),
+            journal=journal or self.journal.robot(spec.config.name),
             record=partial(self.history.add, spec.config.name),
             arrival=self.watchdog.arrival,
             changed=self.publish_state,
@@ -171,16 +170,50 @@ class RobotProcess:
         self._interpreter.enter_context(interpreter_settings(switch_interval=SWITCH_INTERVAL, young=YOUNG))
         self._settling = self.loop.call_later(SETTLED, freeze_new_objects)
         for robot in self.robots.values():
-            self._declare(robot)
-            robot.be_watched(self.watchdog)
-            self.scheduler.every(STATE_EVERY, partial(self.publish_state, robot.name))
-        take_setpoints(self.robots.values(), self.bus.reports, self.loop)
+            self._show(robot)
+        self._setpoints.start(self.robots.values())
         self.scheduler.every(STATE_EVERY, self._look_at_processor)
         self.claims.start()
         self.scheduler.at_end(self.outbox.flushing)
         self.scheduler.at_end(self._frames.flushing)
         self.scheduler.start()
         self.watchdog.start()
+
+    def add(self, spec: RobotSpec, journal: RobotJournal) -> LocalRobot:
+        """Build a robot while others run; stops reach it from now on, and it is not run before ``serve``."""
+        robot = self._make(spec, journal)
+        if self._traffic is not None:
+            robot.share_space(self._traffic)
+        self.robots[robot.name] = robot
+        self.runs.pause(robot)
+        return robot
+
+    def serve(self, robot: LocalRobot) -> None:
+        """Show a robot that was added, and run it once its twin is ours."""
+        self._show(robot)
+        self._setpoints.add(robot)
+        here = {each.twin: each for each in self.robots.values()}
+        self._served[robot.name].callback(self._setpoints.follow(robot, here))
+        self.claims.begin(robot.twin)
+        self.runs.resume(robot)
+
+    def drop(self, robot: LocalRobot) -> None:
+        """Let go of a robot whose run has ended, or that was never served; its twin stays claimed."""
+        self.robots.pop(robot.name, None)
+        self.runs.forget(robot)
+        if served := self._served.pop(robot.name, None):
+            served.close()
+        for watched in (robot.name, f"{robot.name} joints"):
+            self.watchdog.remove(watched)
+        self.scheduler.end(robot.name)
+        self.outbox.drop(robot.twin)
+        if self._traffic is not None:
+            self._traffic.leave(robot.name)
+
+    def give_up(self, twin: str) -> None:
+        """Claim a twin no more that no robot has."""
+        self.claims.give_up(twin)
+        self._holders.pop(twin, None)
 
     def _moves(self, twin: str) -> bool:
         """Return True while the robot of a twin moves because of us."""
@@ -257,7 +290,7 @@ class RobotProcess:
 
     def stop_robots(self, names: tuple[str, ...], cause: StopCause) -> list[str]:
         """Emergency-stop robots at once, from any thread; no name means all of this process."""
-        stopped = [robot for robot in self.robots.values() if not names or robot.name in names]
+        stopped = [robot for robot in list(self.robots.values()) if not names or robot.name in names]
         for robot in stopped:
             robot.controller.latch.engage(cause.why)
         # One whose halt is held up must not keep the next one moving.
@@ -283,70 +316,23 @@ class RobotProcess:
 
     def halt_robots(self) -> None:
         """Halt all robots of this process at once, from any thread; no stop is set that stays."""
-        run_in_turn((robot.controller.halt for robot in self.robots.values()), wait=HALT_WAIT)
+        run_in_turn((robot.controller.halt for robot in list(self.robots.values())), wait=HALT_WAIT)
 
     def publish_state(self, name: str) -> None:
         """Publish a robot's state now."""
         publisher = self._states.wanted(keys.state(self.edge, name))
-        if publisher is not None:
+        if publisher is not None and name in self.robots:
             publisher.put(msgspec.json.encode(self.robots[name].state()))
 
-    def _declare(self, robot: LocalRobot) -> None:
-        """Show the robot on the bus and take what is asked of it there."""
-        control = self.bus.control
+    def _show(self, robot: LocalRobot) -> None:
+        """Show the robot on the bus, take what is asked of it there, and watch over its leases."""
+        robot.be_watched(self.watchdog)
         relay_video(robot, self.edge, self.bus.reports, self.loop, self.clock, put=self.outbox.put_document)
-        control.token(keys.robot(self.edge, robot.name))
-        control.answer(keys.command(self.edge, robot.name), self._asker(robot), more=keys.CONSOLE)
-        control.answer(keys.state(self.edge, robot.name), self._event_reporter(robot.state))
-        control.answer(keys.description(self.edge, robot.name), self._event_reporter(robot.describe))
-
-    def _asker(self, robot: LocalRobot) -> Callable[[Query], None]:
-        """Return what takes questions for a robot; on the bus's thread, so it hands over at once."""
-
-        def asked(question: Query) -> None:
-            self.loop.call_soon_threadsafe(self._read(robot, question))
-
-        return asked
-
-    def _event_reporter(self, what: Callable[[], msgspec.Struct]) -> Callable[[Query], None]:
-        """Return what answers with what is so then, on the loop."""
-
-        def tell(question: Query) -> None:
-            question.reply(msgspec.json.encode(what()))
-            question.close()
-
-        def asked(question: Query) -> None:
-            self.loop.call_soon_threadsafe(tell, question)
-
-        return asked
-
-    def _read(self, robot: LocalRobot, question: Query) -> Callable[[], None]:
-        """Read a question for a robot, on the bus's thread; return what takes it, on the loop.
-
-        Its answers are the receipt and, when the asker waits, the end.
-        """
-        waits = question.parameters.get("wait") == "1"
-        kind = cast("Kind", question.parameters.get("kind", "command"))
-
-        answer = answer_to(question, waits=waits)
-        if kind not in KINDS and stop_in(question.payload):
-            kind = "command"
-        if kind not in KINDS:
-            refusal = f"{kind!r} is no kind of message; one of {', '.join(KINDS)}"
-            return partial(answer, Reply(kind, ReplyStatus.REJECTED, refusal))
-        way = Transport.CLOUD if question.parameters.get("way") == "cloud" else Transport.BUS
-        refused = self._consoles.refusal(robot, kind, question, way)
-        if refused is not None:
-            return partial(answer, refused)
-        take = robot.read(
-            kind,
-            question.payload,
-            way=way,
-            request_id=question.parameters.get("id", ""),
-            waits=waits,
-            proven=self._consoles.is_proven(question),
-        )
-        return question.close if take is None else partial(take, answer)
+        served = self._served[robot.name] = contextlib.ExitStack()
+        served.callback(self.scheduler.every(STATE_EVERY, partial(self.publish_state, robot.name)).cancel)
+        served.callback(self._setpoints.remove, robot)
+        for serve in (self._endpoints.open, *self.services):
+            served.callback(serve(robot))
 
     def _look_at_processor(self) -> None:
         """See whether the computer has time for this process."""

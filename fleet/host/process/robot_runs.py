@@ -74,6 +74,11 @@ class RobotRuns:
         """Return True once the run has ended."""
         return robot.name in self._paused and robot.name not in self.tasks
 
+    def forget(self, robot: LocalRobot) -> None:
+        """Have no part in a robot any more whose run has ended."""
+        self._paused.discard(robot.name)
+        self.tasks.pop(robot.name, None)
+
     def resume(self, robot: LocalRobot) -> None:
         """Begin its run anew, unless another edge has its twin by now."""
         self._paused.discard(robot.name)

@@ -10,7 +10,7 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Collection, Mapping
 
 from fleet.bus.zenoh_session import ZenohSession
 from fleet.errors import WireError
@@ -25,21 +25,46 @@ _KEYS: dict[Kind, str] = {"motion": "commands/velocity", "joints": "commands/joi
 _LEADER = "joint_states"
 
 
-def take_setpoints(
-    robots: Iterable[LocalRobot], reports: ZenohSession, loop: asyncio.AbstractEventLoop
-) -> None:
-    """Take from now on what is published for these robots."""
-    robots = tuple(robots)
-    for kind, channel in _KEYS.items():
-        calls = {_key(robot.twin, channel): taker(robot, kind, loop) for robot in robots}
-        reports.subscribe_many(_key("*", channel), calls)
-    here = {robot.twin: robot for robot in robots}
-    for robot in robots:
+class Setpoints:
+    """Takes what is published for the robots of one process; on the loop."""
+
+    def __init__(self, reports: ZenohSession, loop: asyncio.AbstractEventLoop) -> None:
+        self._reports, self._loop = reports, loop
+        self._calls: dict[Kind, dict[str, Callable[[bytes], None]]] = {kind: {} for kind in _KEYS}
+
+    def start(self, robots: Collection[LocalRobot]) -> None:
+        """Begin to take it, for these robots and those that are added later."""
+        for robot in robots:
+            self.add(robot)
+        for kind, channel in _KEYS.items():
+            self._reports.subscribe_many(_key("*", channel), self._calls[kind])
+        here = {robot.twin: robot for robot in robots}
+        for robot in robots:
+            self.follow(robot, here)
+
+    def add(self, robot: LocalRobot) -> None:
+        """Take what is published for a robot."""
+        for kind, channel in _KEYS.items():
+            self._calls[kind][_key(robot.twin, channel)] = taker(robot, kind, self._loop)
+
+    def remove(self, robot: LocalRobot) -> None:
+        """Take it no more, unless a robot of another name has the twin by now."""
+        for kind, channel in _KEYS.items():
+            self._calls[kind].pop(_key(robot.twin, channel), None)
+
+    def follow(self, robot: LocalRobot, here: Mapping[str, LocalRobot]) -> Callable[[], None]:
+        """Tell a robot where its leader is, if it has one; ``here`` are this process's robots by twin.
+
+        Returns what ends it.
+        """
         leader = str(robot.config.follows)
         if leader in here:  # reports do not come back to the session that says them
-            here[leader].controller.joints.followers.append(_beside(robot, loop))
-        elif robot.config.follows is not None:
-            reports.subscribe_many(*_followed(robot, leader, loop))
+            followers, follower = here[leader].controller.joints.followers, _beside(robot, self._loop)
+            followers.append(follower)
+            return lambda: followers.remove(follower)
+        if robot.config.follows is None:
+            return lambda: None
+        return self._reports.subscribe_many(*_followed(robot, leader, self._loop))
 
 
 def taker(robot: LocalRobot, kind: Kind, loop: asyncio.AbstractEventLoop) -> Callable[[bytes], None]:

@@ -181,7 +181,7 @@ class StopInputs:
         self,
         inputs: Iterable[StopInputConfig],
         groups: Mapping[str, Iterable[str]],
-        here: Mapping[str, EmergencyStopLatch],
+        here: dict[str, EmergencyStopLatch],
         elsewhere: Iterable[str],
         *,
         stop: Callable[[tuple[str, ...], str], None],
@@ -189,8 +189,8 @@ class StopInputs:
         clock: Clock,
     ) -> None:
         self._here = here
-        self._elsewhere = tuple(elsewhere)
-        self._inputs: list[tuple[StopInput, tuple[str, ...]]] = []
+        self._elsewhere = elsewhere
+        self._inputs: list[tuple[StopInput, tuple[str, ...]]] = []  # the groups that one names do not change
         for config in inputs:
             names = _names(config, groups)
             one = StopInput(
@@ -202,6 +202,15 @@ class StopInputs:
             )
             self._inputs.append((one, names))
         self._hold_all()
+
+    def join(self, robot: str, latch: EmergencyStopLatch) -> None:
+        """Hold one more robot of this process while it may not be released; before it is run."""
+        self._here[robot] = latch
+        self._hold_all()
+
+    def leave(self, robot: str) -> None:
+        """Hold a robot no more that is gone."""
+        self._here.pop(robot, None)
 
     @property
     def problem(self) -> str:
@@ -222,12 +231,12 @@ class StopInputs:
     @property
     def held(self) -> bytes:
         """The word for the workers: which of their robots are held, and why."""
-        why = {robot: self._why(robot) for robot in self._elsewhere}
+        why = {robot: self._why(robot) for robot in list(self._elsewhere)}
         return msgspec.json.encode({robot: words for robot, words in why.items() if words})
 
     def _hold_all(self) -> None:
         """Hold each robot here for as long as it may not be released."""
-        for robot, latch in self._here.items():
+        for robot, latch in list(self._here.items()):
             latch.held = self._why(robot)
 
     def _why(self, robot: str) -> str:

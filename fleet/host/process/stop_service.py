@@ -7,7 +7,7 @@ asks may say so, and why, beside it (``stop_cause``).
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from typing import Protocol
 
 import msgspec
@@ -37,19 +37,22 @@ class RemoteStopTarget(Protocol):
 
 
 def serve_stops(
-    process: RobotProcess, bus: Bus, groups: dict[str, list[str]], elsewhere: Iterable[RemoteStopTarget] = ()
+    process: RobotProcess,
+    bus: Bus,
+    groups: Mapping[str, list[str]],
+    elsewhere: Iterable[RemoteStopTarget] = (),
 ) -> Callable[[bytes, StopCause], list[str]]:
     """Stop this process's robots when the stop key is published or asked; on the bus's threads.
 
     Returns what does so for whoever else asks, from any thread: it takes what the key would, and the cause.
     Of that the processes of the robots ``elsewhere`` hear nothing, so it is put on the stop key for them.
+    ``groups`` and ``elsewhere`` may change meanwhile.
     """
-    others = tuple(elsewhere)
     key = keys.stop(process.edge)
 
     def stop(payload: bytes, cause: StopCause) -> list[str]:
         names = names_in(payload, groups)
-        for robot in others:
+        for robot in list(elsewhere):
             if not names or robot.name in names:
                 robot.stop_later(cause)
         return process.stop_robots(names, cause)
@@ -65,7 +68,7 @@ def serve_stops(
     for bus_session in (bus.control, bus.reports):
         bus_session.subscribe_noted(key, published)
     bus.control.answer(key, asked)
-    return lambda payload, cause: stop_everywhere(process, others, names_in(payload, groups), cause)
+    return lambda payload, cause: stop_everywhere(process, elsewhere, names_in(payload, groups), cause)
 
 
 def stop_everywhere(
@@ -80,13 +83,21 @@ def stop_everywhere(
     except Exception:
         log.exception("the emergency stop failed in this process")
         stopped = []
-    for robot in elsewhere:
+    for robot in list(elsewhere):
         if not names or robot.name in names:
             robot.emergency(cause)
     return stopped
 
 
-def names_in(payload: bytes, groups: dict[str, list[str]]) -> tuple[str, ...]:
+def replace_groups(groups: dict[str, list[str]], by: Mapping[str, Iterable[str]]) -> None:
+    """Have other groups; a stop on another thread finds each that stays, old or new, all the time."""
+    for name, robots in by.items():
+        groups[name] = list(robots)
+    for name in groups.keys() - by.keys():
+        del groups[name]
+
+
+def names_in(payload: bytes, groups: Mapping[str, list[str]]) -> tuple[str, ...]:
     """Return the robots that a stop names, groups spelt out; none means all.
 
     What cannot be read stops everything, and so does what is too long to be a list of names: a stop is

@@ -96,6 +96,7 @@ class TwinClaims:
         self._mine: dict[str, _Mine] = {}
         self._told: dict[str, str] = {}
         self.pair: frozenset[str] = frozenset()  # edges whose claims the lease of the pair decides
+        self._added: dict[str, Callable[[], None]] = {}  # what ends the listening for those added later
         self._looking: set[str] = set()  # twins at which is looked again soon
 
     def add(self, twins: Iterable[str]) -> None:
@@ -109,6 +110,23 @@ class TwinClaims:
         for twin in self._others:
             self._look(twin)
 
+    def begin(self, twin: str) -> None:
+        """Claim one more twin, after ``start``."""
+        if twin not in self._others:
+            self._others[twin] = set()
+            # Its tokens that were there before are told to a new listener only.
+            self._added[twin] = self._bus_session.watch_tokens(keys.claims(twin), self._seen)
+            self._look(twin)
+
+    def give_up(self, twin: str) -> None:
+        """Claim a twin no more."""
+        for table in (self._others, self._told):
+            table.pop(twin, None)
+        if end := self._added.pop(twin, None):
+            end()
+        if mine := self._mine.pop(twin, None):
+            mine.take_back()
+
     def _seen(self, key: str, alive: bool) -> None:  # noqa: FBT001 - the bus calls it so
         """Note a token that came or went; on the bus's thread."""
         read = read_claim(key)
@@ -119,11 +137,15 @@ class TwinClaims:
 
     def _note(self, twin: str, claim: TwinClaim, alive: bool) -> None:  # noqa: FBT001 - handed on
         """Take another edge's claim into account."""
+        if twin not in self._others:  # it has just been given up
+            return
         (self._others[twin].add if alive else self._others[twin].discard)(claim)
         self._look(twin)
 
     def _look(self, twin: str) -> None:
         """Want a twin, give it up, or wait for it, as the tokens are now."""
+        if twin not in self._others:  # it has been given up
+            return
         mine = self._mine.get(twin)
         before = holder(mine.claim if mine else None, self._others[twin])
         if mine is None and not before:

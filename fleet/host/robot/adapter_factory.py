@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import difflib
 import functools
+import logging
 from collections.abc import Mapping
 from typing import Any
 
@@ -13,11 +14,15 @@ from fleet.adapter import Adapter, FrameAdapter, Robot
 from fleet.commands import CommandSpec, arguments
 from fleet.host.robot.frame_adapter_runner import FrameAdapterRunner
 from fleet.missions.plan import plans_of
+from fleet.model.body import BodyPart
 from fleet.model.command import Command
 from fleet.model.geometry import Velocity
 from fleet.model.navigation import AnyTask, FlyMission, FollowRobot
 from fleet.robot_config import AdapterConfig, Limits, Separation
+from fleet.runtime.exception_barrier import call_guarded
 from fleet.wire.verbs import VERBS
+
+log = logging.getLogger(__name__)
 
 AdapterClass = type[Adapter[Any]] | type[FrameAdapter[Any]]
 _NOTHING = 0.01  # m/s: less of a velocity is noise of who computed it
@@ -39,6 +44,7 @@ class Capabilities(msgspec.Struct, frozen=True):
     moves_joints: bool = False
     lacking: dict[str, str] = {}
     plans: frozenset[str] = frozenset()  # what missions may be made for; none: anything
+    body: tuple[BodyPart, ...] = ()  # for drawings
 
     def command(self, name: str) -> CommandSpec | None:
         """Return a declared command, None for one that this robot does not have."""
@@ -102,14 +108,25 @@ class Capabilities(msgspec.Struct, frozen=True):
 
 
 def configured(can: Capabilities, config: AdapterConfig) -> Capabilities:
-    """Return one robot's own capabilities: when its commands are given up, which plans it flies."""
+    """Return one robot's own capabilities: when its commands are given up, which plans it flies, its body."""
     commands = {
         name: spec
         if (limit := config.timeout_of(name)) is None
         else msgspec.structs.replace(spec, timeout=limit)
         for name, spec in can.commands.items()
     }
-    return msgspec.structs.replace(can, commands=commands, lacking={}, plans=config.plans())
+    return msgspec.structs.replace(
+        can, commands=commands, lacking={}, plans=config.plans(), body=_body_of(config)
+    )
+
+
+def _body_of(config: AdapterConfig) -> tuple[BodyPart, ...]:
+    """Return the parts of a robot's body; none, and a word in the log, where they cannot be told."""
+    try:
+        return call_guarded(config.body_parts)
+    except Exception as error:  # noqa: BLE001 - a drawing is no reason not to run a robot
+        log.warning("%s cannot be drawn: %s", config.name, error)
+        return ()
 
 
 @functools.lru_cache(maxsize=64)  # a thousand robots of one kind share it

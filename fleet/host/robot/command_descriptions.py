@@ -69,6 +69,7 @@ def description(
         plans=tuple(sorted(can.plans)),
         limits={name: value for name, value in limits if value is not None},
         fence=_fence(fence),
+        body=can.body,
     )
 
 

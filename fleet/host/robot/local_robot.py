@@ -346,8 +346,7 @@ class LocalRobot:
 
     def _health(self) -> Health:
         """Return how the robot is: well, but for what its battery or another robot made us do with it."""
-        health, guard = self.runner.health, self.controller.guard
-        cause = guard.forced or (guard.apart.cause if guard.apart is not None else "")
+        health, cause = self.runner.health, self.controller.guard.cause
         return Health(Level.DEGRADED, cause) if cause and health.level is Level.OK else health
 
     def _new_handle(self, runner: AdapterRunner) -> RobotHandle:
@@ -365,6 +364,7 @@ class LocalRobot:
             lost_authority=self.controller.authority_lost,
             latched=lambda: self.controller.latched,
             lacking=self._can.lacking,
+            circled=self.controller.guard.circles,
             failed=runner.crashed,
             supervised=self._supervised,
         )

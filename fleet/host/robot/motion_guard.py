@@ -17,20 +17,20 @@ from fleet.host.requests.event_reporter import EventReporter
 from fleet.host.requests.receipt import Receipt
 from fleet.host.robot.adapter_factory import Capabilities
 from fleet.host.robot.battery_watch import BATTERY, BatteryWatch
+from fleet.host.robot.robot_place import RobotPlace
 from fleet.host.robot.separation_keeper import SeparationKeeper
 from fleet.host.robot.whereabouts import Whereabouts
+from fleet.host.safety.circles import circled
 from fleet.host.safety.fence import Fence
 from fleet.model.command import Command, Reply
 from fleet.model.event import EventKind
 from fleet.model.geodesy import GeoOrigin, GeoPoint, world_from_geo
 from fleet.model.geometry import ZERO_VELOCITY, Pose, Vector3, Velocity, rotate_to_world
-from fleet.model.navigation import AnyTask, FlyMission, FollowPath, FollowRobot, Goal, GoTo, RelativeMove
+from fleet.model.navigation import AnyTask, FlyMission, FollowRobot, RelativeMove
 from fleet.model.polygon import Polygon
 from fleet.model.report import BatteryReport, FlightControllerReport, PoseReport, Report
 from fleet.robot_config import AdapterConfig, BatteryPolicy, FenceConfig, Limits
-from fleet.runtime.decoding import convert_strictly
 
-STALE = 1.0  # s after which a pose is too old to keep a fence by
 BEGINNINGS = frozenset({"takeoff", "arm"})
 """Commands that begin a flight: refused outside the fence and with too little battery."""
 
@@ -74,7 +74,6 @@ class MotionGuard:
         robot: GuardActions,
         event_reporter: EventReporter,
     ) -> None:
-        self._clock = clock
         self._robot = robot
         self._event_reporter = event_reporter
         self.held = ZERO_VELOCITY
@@ -84,12 +83,10 @@ class MotionGuard:
         self._battery: BatteryWatch | None = None
         self._policy: BatteryPolicy | None = None
         self._percent: float | None = None
-        place = config.origin
-        self._origin = None if place is None else convert_strictly(place, GeoOrigin, from_attributes=True)
-        self._home: GeoPoint | None = None
-        self._pose: Pose | None = None
-        self._seen = 0.0
+        self._place = RobotPlace(config.origin, clock)
         self._trouble = ""
+        self._armed = False
+        self._circle = 0.0  # m about its end in which it stays that cannot stand
         self.fence: Fence | None = None
         self.configure(config, limits)
 
@@ -120,18 +117,32 @@ class MotionGuard:
         """Take a report; a pose out of bounds and a low battery are acted upon."""
         match report:
             case PoseReport():
-                self._pose = Pose(report.position, report.rotation)
-                self._seen = self._clock.monotonic()
+                pose = Pose(report.position, report.rotation)
+                self._place.see(pose)
                 if self.apart is not None:
-                    self.apart.see(self._pose)
+                    self.apart.see(pose)
                 self._look()
             case BatteryReport():
                 self._charged(report.percent)
-            case FlightControllerReport() if report.home != self._home:
-                self._home = report.home
-                self._draw()
+            case FlightControllerReport():
+                self._takes_off(armed=report.armed)
+                if report.home != self._place.home:
+                    self._place.home = report.home
+                    self._draw()
             case _:
                 pass
+
+    def circles(self, radius: float) -> None:
+        """Take how wide it circles where it ends, m; 0: it stands."""
+        self._circle = radius
+        if self.apart is not None:
+            self.apart.circle = radius
+
+    def _takes_off(self, *, armed: bool) -> None:
+        """Take whether it may be in the air."""
+        self._armed = armed
+        if self.apart is not None:
+            self.apart.flies = armed
 
     def _charged(self, percent: float | None) -> None:
         """Take how full the battery is."""
@@ -144,7 +155,8 @@ class MotionGuard:
     def share_space(self, apart: SeparationKeeper) -> None:
         """Keep the robot apart from the others from now on."""
         self.apart = self.others.among = apart
-        apart.world_is(self._world())
+        apart.circle, apart.flies = self._circle, self._armed
+        apart.world_is(self._place.world())
 
     def obeyed(self, reply: Reply) -> None:
         """Take the answer to what moves the robot: one that did it is ours again."""
@@ -153,13 +165,14 @@ class MotionGuard:
         if begins:
             self._tell_landing(reply.command)
         if reply.command in LANDINGS and self.apart is not None:
-            self.apart.comes_down(self._way_down(reply.command) if begins else ())
+            self.apart.comes_down(self._place.way_down(reply.command) if begins else ())
 
     def _look(self) -> None:
         """Tell once that the robot is where it may not be, and end what leads it out."""
-        if self._unfenced or self.fence is None or self._pose is None:
+        pose = self._place.pose
+        if self._unfenced or self.fence is None or pose is None:
             return
-        before, self._trouble = self._trouble, self.fence.breach(self._pose.position, self._home_point())
+        before, self._trouble = self._trouble, self.fence.breach(pose.position, self._place.home_point())
         if self._trouble and not before:
             told = {"reason": self._trouble}
             self._event_reporter.event(
@@ -170,9 +183,10 @@ class MotionGuard:
             self._robot.end("fence: the velocity leads out of it")
 
     @property
-    def forced(self) -> str:
-        """What the battery made us do with the robot; empty while that is nothing."""
-        return self._battery.forced if self._battery is not None else ""
+    def cause(self) -> str:
+        """What the battery, or another robot, made us do with it; empty while that is nothing."""
+        forced = self._battery.forced if self._battery is not None else ""
+        return forced or (self.apart.cause if self.apart is not None else "")
 
     # -- what may be asked of it ---------------------------------------------------------------------
 
@@ -180,35 +194,27 @@ class MotionGuard:
         """Return why a command may not begin a flight or change its height; None when it may, or does not."""
         begins = self._start_trouble() if ask.name in BEGINNINGS else None
         apart = self.apart if _drives_home(ask, self._robot.can) else None
-        met = apart.trouble_on(self._way_down(ask.name)) if apart is not None and apart.is_judged else ""
+        met = (
+            apart.trouble_on(self._place.way_down(ask.name)) if apart is not None and apart.is_judged else ""
+        )
         return begins or self._climb_trouble(ask) or (f"its way home is not free: {met}" if met else None)
 
     def _tell_landing(self, name: str) -> None:
         """Say that a landing or a way home meets another robot; it goes on all the same."""
         if name not in LANDINGS or self.apart is None:
             return
-        trouble = self.apart.trouble_on(self._way_down(name))
+        trouble = self.apart.trouble_on(self._place.way_down(name))
         if trouble:
             why = f"{name}: {trouble}; it is let through all the same"
             self._event_reporter.event(
                 EventKind.SEPARATION, why, telemetry="separation", data={"reason": why}
             )
 
-    def _way_down(self, name: str) -> tuple[Vector3, ...]:
-        """Return where a landing leads: straight down, or home at the height that it has, and down there."""
-        pose, home = self._fresh(), self._home_point()
-        if pose is None:
-            return ()
-        here = pose.position
-        if name == "land":
-            return (Vector3(here.x, here.y, min(here.z, home.z)),)
-        return (Vector3(home.x, home.y, max(here.z, home.z)), home)
-
     def _climb_trouble(self, ask: Command) -> str:
         """Return why a robot may not go straight up, or down; empty when it may, or is not asked to."""
         if ask.name not in CLIMBS or self.apart is None or not self.apart.is_judged:
             return ""
-        pose, home = self._fresh(), self._home_point()
+        pose, home = self._place.fresh(), self._place.home_point()
         if pose is None:
             return "where the robot is, is unknown, so its separation cannot be kept"
         field, sign = CLIMBS[ask.name]
@@ -236,17 +242,23 @@ class MotionGuard:
             start, points = self._way(task)
         except Refused as error:
             return str(error)
-        home = self._home_point()
-        trouble = self.fence.way_trouble(start, points, home) if self.fence else ""
+        home = self._place.home_point()
+        around = circled(task, self._circle)
+        trouble = self.fence.way_trouble(start, points, home, around) if self.fence else ""
         if not trouble and self._battery is not None and isinstance(task, FlyMission):
             trouble = self._battery.start_trouble()
         if not trouble and self._battery is not None:
-            trouble = self._battery.trouble(
-                _length((start, *points, home)), task.constraints.max_speed or self._limits.speed
-            )
+            metres = _length((start, *points, home)) + math.tau * self._circle
+            trouble = self._battery.trouble(metres, task.constraints.max_speed or self._limits.speed)
         if not trouble and self.apart is not None:
             trouble = self.apart.task_trouble(task, points)
         return trouble or None
+
+    def _way(self, task: AnyTask) -> tuple[Vector3, tuple[Vector3, ...]]:
+        """Return where a task begins and leads; raises Refused while that, or the fence, is unknown."""
+        if self.fence is None:
+            raise Refused("where the fence is, is unknown until the robot tells of its home")
+        return self._place.way(task)
 
     def points(self, task: AnyTask) -> tuple[Vector3, ...]:
         """Return where a task leads in the robot's world, nowhere while that is unknown."""
@@ -272,40 +284,22 @@ class MotionGuard:
         """Return the part of a body velocity that keeps the fence; raises Refused while that is unknown."""
         if self._unfenced or (self._unbordered and velocity.linear.z <= 0) or velocity.is_zero:
             return velocity
-        pose = self._fresh()
+        pose = self._place.fresh()
         if pose is None or self.fence is None:
             if self._config is None:
                 return velocity
             raise Refused("the fence cannot be kept: where the robot is, is unknown")
         yaw = pose.rotation.yaw
         wanted = rotate_to_world(velocity.linear, yaw)
-        admitted = self.fence.admitted(pose.position, wanted, self._home_point())
+        admitted = self.fence.admitted(pose.position, wanted, self._place.home_point())
         if admitted == wanted:
             return velocity
         return Velocity(rotate_to_world(admitted, -yaw), velocity.yaw_rate)
 
-    # -- where things are ----------------------------------------------------------------------------
-
-    def _fresh(self) -> Pose | None:
-        """Return the pose, None when it is too old."""
-        return self._pose if self._clock.monotonic() - self._seen <= STALE else None
-
-    def _world(self) -> GeoOrigin | None:
-        """Return the world's origin: the one of fleet.yaml, else home."""
-        if self._origin is not None or self._home is None:
-            return self._origin
-        return GeoOrigin(self._home.latitude, self._home.longitude, self._home.altitude)
-
-    def _home_point(self) -> Vector3:
-        """Return home in the world; the origin for a robot that tells of none."""
-        if self._origin is None or self._home is None:
-            return Vector3()
-        return world_from_geo(self._origin, self._home)
-
     def _draw(self) -> None:
         """Make the fence of what is configured, as soon as its corners can be placed."""
         config = self._config or FenceConfig()
-        world = self._world()
+        world = self._place.world()
         if config.frame == "geodetic" and world is None:
             self.fence = None
             return
@@ -318,43 +312,6 @@ class MotionGuard:
         )
         if self.apart is not None:
             self.apart.world_is(world)
-
-    def _way(self, task: AnyTask) -> tuple[Vector3, tuple[Vector3, ...]]:
-        """Return where a task begins and where it leads; raises Refused while that is unknown."""
-        pose = self._fresh()
-        if pose is None or self.fence is None:
-            raise Refused("where the robot is, is unknown: its fence, battery and separation cannot be kept")
-        match task:
-            case GoTo():
-                return pose.position, (self._place(task.goal),)
-            case FollowPath():
-                points = tuple(self._place(goal) for goal in task.goals)
-                return pose.position, points if task.loops == 1 else (*points, *points[:1])
-            case FlyMission():
-                return pose.position, tuple(self._points_of(task))
-            case FollowRobot():  # nobody knows where the other one goes; its velocities are judged
-                return pose.position, ()
-        step = task.translation
-        if task.body_frame:
-            step = rotate_to_world(step, pose.rotation.yaw)
-        return pose.position, (pose.position + step,)
-
-    def _points_of(self, mission: FlyMission) -> Iterable[Vector3]:
-        """Yield the places of a mission in the world."""
-        ground = 0.0 if mission.above_sea or self._home is None else self._home.altitude
-        for item in mission.items:
-            if item.point is not None:
-                height = item.point.altitude + ground
-                yield self._place(Goal(geo=GeoPoint(item.point.latitude, item.point.longitude, height)))
-
-    def _place(self, goal: Goal) -> Vector3:
-        """Return a goal in the world; one that has no height of its own stays at the robot's."""
-        if goal.position is not None:
-            return goal.position
-        world = self._world()
-        if world is None or goal.geo is None:
-            raise Refused("a place on Earth needs an origin in fleet.yaml, or a home")
-        return world_from_geo(world, goal.geo)
 
 
 def _placed(corners: Iterable[tuple[float, float]], config: FenceConfig, world: GeoOrigin | None) -> Polygon:

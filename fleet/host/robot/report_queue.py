@@ -129,6 +129,11 @@ class ReportQueue:
         """Return what takes one robot's reports; they leave with the next ``flush``."""
         return _Robot(twin, self).put
 
+    def drop(self, twin: str) -> None:
+        """Forget what was said last of a robot that this process does not run any more."""
+        begin = f"cw/{twin}/"
+        self._channels = [channel for channel in self._channels if not channel.key.startswith(begin)]
+
     def put_document(self, key: str, sample: bytes) -> None:
         """Put a document on the bus at once; this process's bridge, which hears only others, gets it too."""
         self._bus_session.put(key, sample)

@@ -48,6 +48,7 @@ class RobotHandle:
         lost_authority: Callable[[str], None],
         latched: Callable[[], bool],
         lacking: dict[str, str],
+        circled: Callable[[float], None],
         failed: Callable[[Exception], None],
         supervised: SupervisorClient,
     ) -> None:
@@ -72,6 +73,7 @@ class RobotHandle:
         self._lost_authority = lost_authority
         self._latched = latched
         self._lacking = lacking
+        self._circled = circled
         self._failed = failed
         self._periodics: list[PeriodicCall] = []
         self._closed = False
@@ -114,6 +116,13 @@ class RobotHandle:
         if not self._closed:
             self._lacking.clear()
             self._lacking.update(reasons)
+
+    def circles(self, radius: float) -> None:
+        """Say that the robot circles where it ends, within so many metres; 0: it stands."""
+        if not math.isfinite(radius) or radius < 0.0:
+            raise ValueError(f"{radius} m is no radius of a circle")
+        if not self._closed:
+            self._circled(radius)
 
     @property
     def has_left_halt(self) -> bool:

@@ -43,12 +43,14 @@ class _Told(msgspec.Struct, frozen=True):
 class _Sheet(msgspec.Struct, frozen=True):
     """What a process tells of its robots; ``anchor``: the origin of those on Earth, None without any.
 
-    ``located``: the anchor is the origin of the site, so that all of its robots are on Earth.
+    ``located``: the anchor is the origin of the site, so that all of its robots are on Earth. ``gone``: those
+    that the process had before and does not know any more.
     """
 
     robots: tuple[_Told, ...]
     anchor: GeoOrigin | None = None
     located: bool = False
+    gone: tuple[str, ...] = ()
 
 
 class RobotPositions:
@@ -70,17 +72,18 @@ class RobotPositions:
     ) -> None:
         self.edge = edge
         self._edges = {**(partners or {}), **dict.fromkeys(names, edge)}
-        self._names = tuple(self._edges)
         self._clock = clock
         self._site = site
         self._anchor = site
         self._own: dict[str, SeparationKeeper] = {}
         self._told: dict[str, tuple[float, _Told]] = {}
+        self._tellers: dict[str, str] = {}  # which process told of a robot last
+        self._gone: set[str] = set()
 
     @property
     def alone(self) -> bool:
         """True for one robot without others, here or at a partner."""
-        return len(self._names) < 2
+        return len(self._edges) < 2
 
     @property
     def edges(self) -> frozenset[str]:
@@ -90,6 +93,19 @@ class RobotPositions:
     def join(self, robot: SeparationKeeper) -> None:
         """Have a robot of this process known to the others."""
         self._own[robot.name] = robot
+        self._edges[robot.name] = self.edge
+        self._gone.discard(robot.name)
+
+    def leave(self, name: str) -> None:
+        """Forget a robot of this process, and have the other processes of the edge forget it."""
+        self._own.pop(name, None)
+        self._edges.pop(name, None)
+        self._gone.add(name)
+
+    def forget(self, name: str) -> None:
+        """Forget a robot of another process, which the edge has no more."""
+        self._told.pop(name, None)
+        self._edges.pop(name, None)
 
     def place(self, world: GeoOrigin) -> Placement:
         """Return where a world on Earth lies; the first one there is lies around the origin."""
@@ -109,7 +125,7 @@ class RobotPositions:
     def others(self, name: str) -> list[Occupant]:
         """Return all robots but one whose place is known in the frame of that one."""
         frame = self._frame(name)
-        there = (self.one(other) for other in self._names if other != name and self._frame(other) == frame)
+        there = (self.one(other) for other in self._edges if other != name and self._frame(other) == frame)
         return [robot for robot in there if robot is not None]
 
     def seen(self, name: str, other: str) -> Occupant | None:
@@ -160,7 +176,7 @@ class RobotPositions:
             return "unknown: " + ("it has not told where it is" if placed else "it is not placed")
         hidden = [
             other
-            for other in self._names
+            for other in self._edges
             if other != name and (self._frame(other) != frame or self._is_lost(other))
         ]
         return f"unknown to {', '.join(hidden)}" if hidden else ""
@@ -180,12 +196,14 @@ class RobotPositions:
             for robot in self._own.values()
             if (occupant := robot.occupant()) is not None
         ]
-        return msgspec.json.encode(_Sheet(tuple(robots), self._anchor, self._site is not None))
+        gone = tuple(sorted(self._gone))
+        return msgspec.json.encode(_Sheet(tuple(robots), self._anchor, self._site is not None, gone))
 
-    def hear(self, payload: bytes, edge: str) -> None:
+    def hear(self, payload: bytes, edge: str, process: str = "") -> None:
         """Take what another process of this edge or of a partner tells of its robots; on the loop.
 
-        A partner's robot without a place on Earth is in a frame that is not ours: it stays unknown.
+        A partner's robot without a place on Earth is in a frame that is not ours: it stays unknown. A robot
+        of this edge that nobody named before was added to it while it runs.
         """
         try:
             sheet = decode_json(payload, _Sheet)
@@ -196,9 +214,15 @@ class RobotPositions:
         placement = None if sheet.anchor is None else self.place(sheet.anchor)
         for told in sheet.robots:
             name, on_earth = told.robot.name, told.on_earth or sheet.located
-            if name in self._own or self._edges.get(name) != edge or not (on_earth or edge == self.edge):
+            known = self._edges.get(name, self.edge)
+            if name in self._own or known != edge or not (on_earth or edge == self.edge):
                 continue
+            self._edges[name], self._tellers[name] = edge, process
             self._told[name] = now, _moved(msgspec.structs.replace(told, on_earth=on_earth), placement)
+        for name in sheet.gone if edge == self.edge else ():
+            if self._tellers.get(name) == process:
+                del self._tellers[name]
+                self.forget(name)
 
 
 def _may_meet(robot: Occupant, at: Vector3, reach: float) -> bool:
@@ -239,8 +263,8 @@ def exchange(traffic: RobotPositions, process: str, control: ZenohSession, sched
     """Tell the other processes where the robots of this one are, and hear of theirs and of the partners'."""
     loop, publisher = asyncio.get_running_loop(), control.publisher(keys.places(traffic.edge, process))
 
-    def heard(edge: str, _key: str, payload: bytes) -> None:
-        loop.call_soon_threadsafe(traffic.hear, payload, edge)
+    def heard(edge: str, key: str, payload: bytes) -> None:
+        loop.call_soon_threadsafe(traffic.hear, payload, edge, key.rpartition("/")[2])
 
     def tell() -> None:
         if publisher.wanted:

@@ -150,6 +150,8 @@ class SeparationKeeper:
         self.lost = ""  # why it is not placed any more
         self.placement: Placement | None = None
         self.at: Vector3 | None = None  # where it was last, in the frame that is judged in
+        self.circle = 0.0  # m about its end in which it stays that cannot stand
+        self.flies = False  # its motors run
         self._start = config.start
         self._usual = separation
         self.configure(config, limits)
@@ -231,7 +233,11 @@ class SeparationKeeper:
     @property
     def reach(self) -> float:
         """Metres around its last place that it cannot leave before it is looked at again and stands."""
-        return self._reach + gone_since(self._velocity.value.norm(), self._clock.monotonic() - self._seen)
+        return (
+            self._reach
+            + 2 * self.circle
+            + gone_since(self._velocity.value.norm(), self._clock.monotonic() - self._seen)
+        )
 
     def occupant(self) -> Occupant | None:
         """Return what the robot takes up now, None while nobody knows where it is."""
@@ -244,7 +250,7 @@ class SeparationKeeper:
             asked = Vector3(min(self._fastest, self._velocity.value.norm() + SPEEDING_UP))
         return Occupant(
             self.name,
-            self._radius,
+            self._radius + (self.circle if way else 2 * self.circle * self.flies),
             self._braking,
             self.at,
             way,
@@ -283,6 +289,7 @@ class SeparationKeeper:
         if robot is None or self.placement is None:
             return ""
         way = self._in_site(points)
+        robot = msgspec.structs.replace(robot, radius=self._radius + self.circle)
         trouble = way_trouble(robot, way, self.others.others(self.name))
         if not trouble:
             self._task, self._way = task, way
@@ -380,3 +387,9 @@ class SeparationKeeper:
 def _alike(one: Velocity, other: Velocity) -> bool:
     """Return whether two velocities lead to the same place, as far as it matters here."""
     return abs(one.yaw_rate - other.yaw_rate) <= ALIKE and (one.linear - other.linear).norm() <= ALIKE
+
+
+def go_on(robot: SeparationKeeper, before: SeparationKeeper) -> None:
+    """Have a robot be where it was under another name: it is not at its start any more."""
+    for name in ("placement", "on_earth", "lost", "at", "_seen", "_yaw"):
+        setattr(robot, name, getattr(before, name))

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import asyncio
 import contextvars
+import itertools
 import logging
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator
@@ -84,6 +85,12 @@ class TickScheduler:
         periodic = PeriodicCall(owner, max(period, TICK), call, failed)
         self._hang(self._loop.time() + periodic.period, periodic)
         return periodic
+
+    def end(self, owner: str) -> None:
+        """End all calls on behalf of a robot: the process does not run it any more."""
+        for _, periodic in itertools.chain.from_iterable(self._due.values()):
+            if periodic.owner == owner:
+                periodic.cancel()
 
     def at_end(self, call: Callable[[], Iterable[None]]) -> None:
         """Carry out at the end of every turn (flushing), step by step; must not raise."""

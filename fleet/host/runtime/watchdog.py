@@ -102,6 +102,13 @@ class Watchdog:
         self._robots = {**self._robots, name: watched}
         watched.deadman.join(self._running)
 
+    def remove(self, name: str) -> None:
+        """Watch a robot no more; harmless for one that is not watched."""
+        watched = self._robots.get(name)
+        if watched is not None:
+            self._robots = {other: each for other, each in self._robots.items() if other != name}
+            watched.deadman.join(set())
+
     def _run(self) -> None:
         """Look at everything until the end."""
         patience = PERIOD

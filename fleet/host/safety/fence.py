@@ -32,7 +32,22 @@ class Fence(msgspec.Struct, frozen=True):
     distance: float | None = None
     margin: float = 1.0
 
-    def trouble(self, point: Vector3, home: Vector3) -> str:
+    def trouble(self, point: Vector3, home: Vector3, around: float = 0.0) -> str:
+        """Return why it may not be at a point, or circle ``around`` metres about it; empty when it may."""
+        trouble = self._trouble(point, home)
+        if trouble or not around:
+            return trouble
+        flat = (point.x, point.y)
+        borders = [distance_to_border(each, flat) for each in self.exclusion]
+        if self.inclusion:
+            homes = [each for each in self.inclusion if polygon_contains(each, flat)]
+            borders.append(max(distance_to_border(each, flat) for each in homes))
+        if self.distance is not None:
+            borders.append(self.distance - _away(point, home))
+        left = min(borders, default=math.inf)
+        return f"{left:.0f} m from the fence, and it circles {around:.0f} m about it" if left < around else ""
+
+    def _trouble(self, point: Vector3, home: Vector3) -> str:
         """Return why the robot may not be at a point, empty when it may."""
         flat = (point.x, point.y)
         if any(polygon_contains(polygon, flat) for polygon in self.exclusion):
@@ -52,14 +67,16 @@ class Fence(msgspec.Struct, frozen=True):
         over = -math.inf if self.ceiling is None else point.z - home.z - self.ceiling
         return self.trouble(point, home) if max(over, self._beyond(point, home)) > SLACK else ""
 
-    def way_trouble(self, start: Vector3, points: Iterable[Vector3], home: Vector3) -> str:
+    def way_trouble(
+        self, start: Vector3, points: Iterable[Vector3], home: Vector3, around: Iterable[float] = ()
+    ) -> str:
         """Return why a robot may not go from ``start`` through these points, empty when it may.
 
-        One that is outside already may come in.
+        One that is outside already may come in. ``around``: how wide it circles about each point, metres.
         """
-        inside = not self.trouble(start, home)
+        inside, wide = not self.trouble(start, home), iter(around)
         for number, point in enumerate(points, 1):
-            trouble = self.trouble(point, home)
+            trouble = self.trouble(point, home, next(wide, 0.0))
             if trouble:
                 return f"goal {number} is {trouble}"
             if inside and self._leaves((start.x, start.y), (point.x, point.y)):

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Mapping
+import contextlib
+from collections.abc import Callable, Iterable, Mapping
 
 import msgspec
 
@@ -15,7 +16,7 @@ from fleet.host.robot.rest import STILL
 from fleet.host.workers.remote_robot import RemoteRobot
 from fleet.host.workers.worker_manager import WorkerManager
 from fleet.host.workers.worker_task import task_of
-from fleet.model.change import Outcome
+from fleet.model.change import HeldRobot, HoldAsked, HoldRobot, Outcome
 from fleet.model.command import Reply
 from fleet.runtime.decoding import decode_json
 
@@ -48,6 +49,46 @@ class WorkerChanges:
             if (state.activity and state.activity != LATCHED) or state.armed or state.run or moves:
                 return f"{state.name}, of the same worker, does not rest"
         return ""
+
+    async def hold(self, worker: str, robots: Mapping[str, HoldRobot]) -> dict[str, HeldRobot]:
+        """Have a worker hold robots to what is stricter in new configurations; empty when it is silent."""
+        return await self._ask_to_hold(worker, HoldAsked(dict(robots))) or {}
+
+    async def regroup(self, groups: Mapping[str, Iterable[str]]) -> str:
+        """Have all workers know other groups; return which do not answer."""
+        asked = HoldAsked(groups={name: list(robots) for name, robots in groups.items()})
+        workers = sorted({robot.worker for robot in self._robots.values()})
+        answers = await asyncio.gather(*(self._ask_to_hold(worker, asked) for worker in workers))
+        silent = [worker for worker, answer in zip(workers, answers, strict=True) if answer is None]
+        return "; ".join(map(_silent, silent))
+
+    async def _ask_to_hold(self, worker: str, asked: HoldAsked) -> dict[str, HeldRobot] | None:
+        """Ask a worker; return what it holds its robots to, None when it is silent."""
+        loop = asyncio.get_running_loop()
+        heard: asyncio.Future[dict[str, HeldRobot] | None] = loop.create_future()
+
+        def take(held: dict[str, HeldRobot] | None) -> None:
+            if not heard.done():
+                heard.set_result(held)
+
+        self._control.ask_later(
+            keys.hold(self._edge, worker),
+            msgspec.json.encode(asked),
+            timeout=ASK_WITHIN,
+            on_answer=lambda data: _soon(loop, take, decode_json(data, dict[str, HeldRobot])),
+            on_end=lambda: _soon(loop, take, None),
+        )
+        return await heard
+
+    def all_run_with(self, after: Loaded) -> None:
+        """Note what all workers run with by now, so that their next processes do."""
+        for worker in self._workers:
+            self.runs_with(worker, after)
+
+    def runs_with(self, worker: str, after: Loaded) -> None:
+        """Note what a worker runs with by now, so that its next process does."""
+        if manager := self._workers.get(worker):
+            manager.replace(msgspec.json.encode(task_of(after, worker)))
 
     async def change(self, worker: str, after: Loaded, *, force: bool) -> tuple[Outcome, str]:
         """Start a worker with what is ``after``; return what came of it, and why it was not done.
@@ -120,6 +161,16 @@ class WorkerChanges:
             on_end=ended,
         )
         return await heard
+
+
+def _soon(
+    loop: asyncio.AbstractEventLoop,
+    take: Callable[[dict[str, HeldRobot] | None], None],
+    held: dict[str, HeldRobot] | None,
+) -> None:
+    """Hand an answer over to the loop, unless that has been closed."""
+    with contextlib.suppress(RuntimeError):
+        loop.call_soon_threadsafe(take, held)
 
 
 def _silent(worker: str) -> str:

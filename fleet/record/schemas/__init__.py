@@ -14,7 +14,9 @@ import msgspec
 from fleet.history.record import Record
 from fleet.link.tap import LinkFrames
 from fleet.missions.report import RunState
+from fleet.model.description import RobotDescription
 from fleet.model.report import Report
+from fleet.model.schedule import ScheduleAnswer
 from fleet.model.state import EdgeState, RobotState
 
 FOXGLOVE = ("FrameTransform", "JointStates", "LocationFix", "Log", "PoseInFrame")
@@ -30,7 +32,15 @@ _OPEN: Mapping[str, dict[str, Any]] = MappingProxyType(
         UNREAD: {"properties": {"data": {"type": "string", "contentEncoding": "base64"}}},
     }
 )
-_BESIDE_REPORTS = (RobotState, EdgeState, RunState, Record, LinkFrames)
+_BESIDE_REPORTS = (
+    RobotState,
+    EdgeState,
+    RobotDescription,
+    ScheduleAnswer,
+    RunState,
+    Record,
+    LinkFrames,
+)
 OWN: Mapping[str, type[msgspec.Struct]] = MappingProxyType(
     {f"fleet.{kind.__name__}": kind for kind in (*get_args(Report), *_BESIDE_REPORTS)}
 )

@@ -215,15 +215,15 @@ def first_brake(autopilot, vehicle_type, **state):
 @pytest.mark.parametrize(
     ("vehicle_type", "modes"),
     [
-        (1, ["LOITER", "CIRCLE"]),
+        (1, ["GUIDED", "LOITER", "CIRCLE"]),
         (2, ["BRAKE"]),
         (5, ["STOP"]),
         (7, ["LOITER", "LAND"]),
         (10, ["HOLD"]),
         (11, ["LOITER", "HOLD"]),
         (12, ["POSHOLD", "ALT_HOLD"]),
-        (20, ["LOITER", "CIRCLE"]),
-        (22, ["LOITER", "CIRCLE"]),
+        (20, ["GUIDED", "LOITER", "CIRCLE"]),
+        (22, ["GUIDED", "LOITER", "CIRCLE"]),
     ],
 )
 def test_each_vehicle_on_ardupilot_has_its_brakes(vehicle_type, modes):
@@ -239,8 +239,8 @@ def test_a_hovering_quadplane_is_neither_sent_forward_nor_left_to_a_stick_that_i
     assert first_brake(ARDUPILOT, vehicle_type, **hovers) == ["QLAND"]
 
 
-def test_a_quadplane_on_its_wings_circles():
-    for vtol_state in (1, 4):
+def test_what_is_told_to_be_on_its_wings_circles():
+    for vtol_state in (0, 4):
         assert first_brake(ARDUPILOT, 1, vtol_state=vtol_state) == ["LOITER", "CIRCLE"]
 
 

@@ -309,3 +309,85 @@ def test_a_vehicle_that_says_nothing_ends_the_transfer(fly, sky):
             assert it.asked(Cmd.MISSION_START) == []
 
     fly(main())
+
+
+def landing(north, height=40.0):
+    """Return a plan to a place and down to home, in circles on the way."""
+    return mission(
+        PlanItem("waypoint", at(0, north, height)),
+        PlanItem("land_start"),
+        PlanItem("loiter_to_altitude", at(0, north / 2, 25.0), radius=60.0),
+        PlanItem("land", at(0, 0, 0.0)),
+    )
+
+
+@pytest.mark.parametrize("flavour", ["ardupilot", "px4"])
+def test_a_plane_flies_a_plan_to_its_landing_and_is_seen_on_the_ground(fly, sky, flavour):
+    async def main():
+        async with sky(flavour, vehicle="plane", limits={"speed": 30.0}) as it:
+            await it.met()
+            await it.until(lambda: any("AIRSP" in name for name in it.state.settings))
+            await it.until(
+                lambda: set(it.adapter._session.flight.flavour.settings[1:]) <= set(it.state.settings)
+            )
+            if flavour == "ardupilot":
+                with pytest.raises(Refused, match="RTL_AUTOLAND disabled"):
+                    await flown(it, landing(500.0))
+                await it.do("set_parameter", name="RTL_AUTOLAND", value=3)
+            steps = await flown(it, landing(500.0))
+            assert steps[-1].percent >= 75.0
+            assert not it.armed
+            assert it.height == 0.0
+            assert abs(it.place[0]) < 200.0
+
+    fly(main())
+
+
+def test_the_landing_of_a_plan_goes_on_when_the_edge_ends_and_not_when_it_is_stopped(fly, sky):
+    async def main():
+        async with sky("ardupilot", vehicle="plane", limits={"speed": 30.0}) as it:
+            await it.met()
+            await it.until(lambda: "TKOFF_ALT" in it.state.settings)
+            await it.do("set_parameter", name="RTL_AUTOLAND", value=3)
+            going = asyncio.ensure_future(flown(it, landing(500.0)))
+            await it.until(lambda: it.adapter._session.comes_down, 300.0)
+            await it.adapter.stop("shutdown")
+            assert it.mode == "AUTO"
+            await it.adapter.stop("stop")
+            assert it.mode == "LOITER"
+            with pytest.raises(Refused):
+                await going
+            assert it.armed
+
+    fly(main())
+
+
+@both
+def test_a_multirotor_lands_where_its_plan_ends(fly, sky, flavour):
+    async def main():
+        async with sky(flavour) as it:
+            await it.met()
+            plan = PlanItem("waypoint", at(0, 20)), PlanItem("land", at(0, 30, 0.0))
+            await flown(it, mission(*plan))
+            assert not it.armed
+            assert it.place[0] == pytest.approx(30.0, abs=2.0)
+
+    fly(main())
+
+
+@pytest.mark.parametrize(
+    ("vehicle", "items", "why"),
+    [
+        ("vtol", (PlanItem("waypoint", at(0, 20, 40.0)), PlanItem("land", at(0, 0, 0.0))), "a VTOL lands by"),
+        ("multirotor", (PlanItem("land", at(0, 0, 0.0)),), "must have a place before it"),
+    ],
+)
+def test_a_landing_that_is_not_flown_here_is_refused(fly, sky, vehicle, items, why):
+    async def main():
+        async with sky("px4", vehicle=vehicle, limits={"speed": 30.0}) as it:
+            await it.met()
+            with pytest.raises(Refused, match=why):
+                await flown(it, mission(*items))
+            assert not it.armed
+
+    fly(main())

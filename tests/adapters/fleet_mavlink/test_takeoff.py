@@ -40,6 +40,7 @@ def test_it_takes_off_to_any_height(fly, sky, flavour, altitude):
     fly(main())
 
 
+@pytest.mark.combinations
 @pytest.mark.parametrize("altitude", HEIGHTS)
 @pytest.mark.parametrize("wait", [0.0, 2.0, 4.0, 6.0])
 def test_a_home_that_is_set_again_at_the_takeoff_is_made_good(fly, sky, altitude, wait):
@@ -115,6 +116,7 @@ MOMENTS = [
 ]
 
 
+@pytest.mark.combinations
 @both
 @pytest.mark.parametrize("come", [come for _, come in MOMENTS], ids=[name for name, _ in MOMENTS])
 @pytest.mark.parametrize("later", [0.0, 0.6, 1.2, 1.8, 1.9, 2.1])

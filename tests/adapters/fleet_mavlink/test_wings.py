@@ -1,8 +1,13 @@
 """Planes: the list that real ones are flown through, flown by the simulated ones."""
 
+import asyncio
+import math
+
 import pytest
 
-from fleet import NotReady, Refused
+from fleet import FlyMission, FollowPath, GeoOrigin, Goal, GoTo, NotReady, PlanItem, Refused, Vector3
+from fleet.model.geodesy import geo_from_world
+from fleet.model.navigation import Constraints
 from fleet_mavlink.px4_plane import Px4Plane
 from fleet_mavlink.state import VehicleState
 
@@ -90,5 +95,114 @@ def test_a_quadplane_as_it_is_delivered_lands_when_it_is_stopped_in_its_hover(fl
             await it.do("set_parameter", name="Q_GUIDED_MODE", value=0, force=True)
             await it.adapter.stop("emergency_stop")
             assert it.mode == "QLAND"
+
+    fly(main())
+
+
+async def hovering(it, **settings):
+    """Meet a QuadPlane, set it up, and take it to 40 m."""
+    await it.met()
+    await it.until(
+        lambda: {"Q_GUIDED_MODE", "Q_WP_SPEED", "Q_TRANS_DECEL", "Q_ASSIST_SPEED"} <= set(it.state.settings)
+    )
+    for name, value in {"Q_GUIDED_MODE": 1, **settings}.items():
+        await it.do("set_parameter", name=name, value=value)
+    await it.until(lambda: "takeoff" not in it.robot.lacking)
+    await it.do("takeoff", altitude=40.0)
+
+
+async def flown(it, task):
+    """Fly a task; return how fast it was seen to fly at most."""
+    going = asyncio.ensure_future(exhausted(it.adapter.navigate(task)))
+    fastest = 0.0
+    while not going.done():
+        fastest = max(fastest, math.hypot(it.sim.body.vn, it.sim.body.ve))
+        await asyncio.sleep(0.1)
+    await going
+    return fastest
+
+
+async def exhausted(steps):
+    return [step async for step in steps]
+
+
+def goal(north, speed=None):
+    constraints = Constraints(max_speed=speed)
+    return GoTo(Goal(position=Vector3(0.0, north, 40.0)), constraints=constraints)
+
+
+def test_a_quadplane_flies_to_a_far_goal_at_the_airspeed_that_is_asked_for_or_the_limit(fly, sky):
+    async def main():
+        async with sky("ardupilot", vehicle="vtol", limits={"speed": 17.0}) as it:
+            await hovering(it)
+            assert 15.0 < await flown(it, goal(900.0)) < 17.5
+            assert 11.0 < await flown(it, goal(-900.0, speed=13.0)) < 15.5, "15 m/s at a transition's end"
+
+    fly(main())
+
+
+def test_a_quadplane_takes_no_far_goal_that_is_slower_than_its_wings_fly(fly, sky):
+    async def main():
+        async with sky("ardupilot", vehicle="vtol", limits={"speed": 6.0}) as it:
+            await hovering(it)
+            with pytest.raises(Refused, match="a goal more than 163 m away is flown on its wings: its limit"):
+                await flown(it, goal(900.0))
+            near = GoTo(Goal(position=Vector3(0.0, 100.0, 40.0)))
+            assert await flown(it, near) < 5.5
+            with pytest.raises(Refused, match=r"flies at 5 m/s \(Q_WP_SPEED\), and it may fly at 3 m/s"):
+                await flown(it, goal(0.0, speed=3.0))
+            path = FollowPath(
+                (Goal(position=Vector3(0.0, 0.0, 40.0)), Goal(position=Vector3(0.0, 900.0, 40.0)))
+            )
+            with pytest.raises(Refused, match="flown on its wings"):
+                await flown(it, path)
+
+    fly(main())
+
+
+@pytest.mark.parametrize("last", ["waypoint", "loiter_unlimited"])
+def test_a_quadplane_ends_a_mission_at_its_last_place_and_flies_it_within_its_limit(fly, sky, last):
+    async def main():
+        async with sky("ardupilot", vehicle="vtol", limits={"speed": 17.0}) as it:
+            await hovering(it)
+            home = it.state.home
+            there = geo_from_world(GeoOrigin(home.latitude, home.longitude), Vector3(0.0, 400.0, 40.0))
+            beyond = geo_from_world(GeoOrigin(home.latitude, home.longitude), Vector3(300.0, 600.0, 40.0))
+            items = PlanItem("waypoint", there), PlanItem(last, beyond)
+            assert await flown(it, FlyMission("out", items)) < 17.5
+            assert it.sim.pilot.params["MIN_GROUNDSPEED"] == 0.0
+            assert it.mode in {"LOITER", "GUIDED"}
+
+    fly(main())
+
+
+@pytest.mark.parametrize("flavour", ["ardupilot", "px4"])
+def test_a_plane_tells_how_wide_it_circles_and_a_vtol_while_it_is_on_its_wings(fly, sky, flavour):
+    async def main():
+        async with sky(flavour, vehicle="plane", limits={"speed": 30.0}) as it:
+            await it.met()
+            await it.until(lambda: it.robot.circle == 95.0, 60.0)
+        async with sky(flavour, vehicle="vtol", limits={"speed": 30.0}) as it:
+            if flavour == "ardupilot":
+                await hovering(it)
+            else:
+                await it.met()
+                await it.until(lambda: "FW_AIRSPD_MIN" in it.state.settings)
+                await it.do("takeoff", altitude=40.0)
+            assert it.robot.circle == 0.0
+            await it.do("transition", to="forward")
+            await it.until(lambda: it.robot.circle == 95.0, 3.0)
+
+    fly(main())
+
+
+def test_a_quadplane_takes_no_far_goal_at_an_airspeed_at_which_its_rotors_help(fly, sky):
+    async def main():
+        async with sky("ardupilot", vehicle="vtol", limits={"speed": 17.0}) as it:
+            await hovering(it, Q_ASSIST_SPEED=13)
+            await it.until(lambda: it.state.settings["Q_ASSIST_SPEED"] == 13.0)
+            with pytest.raises(Refused, match=r"at 14 m/s its rotors help \(Q_ASSIST_SPEED 13\)"):
+                await flown(it, goal(900.0, speed=14.0))
+            assert await flown(it, goal(900.0)) < 17.5
 
     fly(main())

@@ -33,6 +33,7 @@ def test_a_wrong_offset_is_found_by_its_joint(dog, name, offset):
     assert [line.partition(":")[0] for line in found] == [name]
 
 
+@pytest.mark.combinations
 @pytest.mark.parametrize("calibrated", [True, False])
 @pytest.mark.parametrize("name", ["FL_abad", "RR_hip", "FR_knee"])
 def test_a_wrong_sign_is_found(dog, name, calibrated):

@@ -91,6 +91,7 @@ def test_sitting_down_and_standing_up_can_be_repeated(rig):
         assert rig.mode is Mode.OFF
 
 
+@pytest.mark.combinations
 @pytest.mark.parametrize("cycles", [0, 10, 25])
 def test_an_emergency_stop_damps_every_joint_in_the_next_cycle(standing, cycles):
     standing.go(1.0 + cycles * 0.01, Twist(0.5))
@@ -289,6 +290,7 @@ class Written:
                 assert joint.low - shifted <= motor.target <= joint.high + shifted, joint.name
 
 
+@pytest.mark.combinations
 @pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf])
 def test_what_is_no_number_moves_nothing(standing, value):
     standing.go(1.0, Twist(value, value, value))

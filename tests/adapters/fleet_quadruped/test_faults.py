@@ -102,6 +102,7 @@ def test_a_fault_in_mid_trot_ends_in_its_stage_with_its_cause(any_dog, case):
     assert bool(rig.fault) == bool(case.cause)
 
 
+@pytest.mark.combinations
 @pytest.mark.parametrize("fault", ["overcurrent", "mute", "imu"])
 def test_what_was_stopped_hard_is_damped_everywhere_then_off_and_told_as_a_fault(any_dog, fault):
     safety = any_dog.safety.model_copy(update={"damp_time": 1.5})

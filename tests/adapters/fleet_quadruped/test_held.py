@@ -234,6 +234,7 @@ def leave(rig, monkeypatch):
     loop.run()
 
 
+@pytest.mark.combinations
 @pytest.mark.parametrize("loss", [0.0, 0.3])
 @pytest.mark.parametrize("stands", [True, False])
 def test_who_leaves_has_seen_every_drive_without_torque(any_dog, monkeypatch, loss, stands):

@@ -20,6 +20,9 @@ SENT = frozenset(
     {
         "COMMAND_LONG",
         "COMMAND_INT",
+        "MISSION_COUNT",
+        "MISSION_ITEM",
+        "MISSION_ITEM_INT",
         "PARAM_SET",
         "SET_POSITION_TARGET_LOCAL_NED",
         "SET_POSITION_TARGET_GLOBAL_INT",
@@ -100,6 +103,7 @@ class Recording:
             each for _, each in messages if each.get_type() == "HEARTBEAT" and each.get_srcSystem() == 1
         )
         self.flavour = {3: "ardupilot", 12: "px4"}[beat.autopilot]
+        self.vehicle = "rover" if beat.type == mav.MAV_TYPE_GROUND_ROVER else "multirotor"
 
     def streams_after(self, place):
         """Return whether setpoints go on at once, which what is waited for may need."""
@@ -165,7 +169,9 @@ class Flown:
     def __init__(self, recording, faults=None):
         self.seen, self.now = Seen(), 0.0
         self._beat_at = 0.0
-        self._vehicle = SimVehicle(recording.flavour, home=(*recording.home, 0.0), faults=faults)
+        self._vehicle = SimVehicle(
+            recording.flavour, vehicle=recording.vehicle, home=(*recording.home, 0.0), faults=faults
+        )
         self._used = {}
         offset = recording.booted
         for place, step in enumerate(recording.steps):

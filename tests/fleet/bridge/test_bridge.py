@@ -33,7 +33,7 @@ class Listener:
     """A client that hears all there is, and can speak."""
 
     def __init__(self, loop, port):
-        self.heard = []
+        self.heard, self.port = [], port
         self.client = CloudClient(
             settings(port, "listener"),
             {"cyberwave/#": 1},
@@ -106,6 +106,50 @@ def test_reports_cross_with_the_next_turn(bridge, listener, pose):
     position = wait_until("the pose is heard", lambda: dict(listener.heard).get(f"{T}position"))
     assert position["position"]["x"] == 4.0
     assert position["session_id"].startswith("fleet_live_")
+
+
+THIRD = "6f0c9a1e-8d2b-4c57-9a39-2f4a1d0b7c13"
+
+
+def test_a_twin_that_joins_is_heard_and_one_that_leaves_is_not(
+    make_bridge, listener, background_loop, rex, pose
+):
+    port = listener.port
+    bridge = make_bridge(port)
+    bridge.uplink.arrived(f"cw/{THIRD}/data/position", pose(1.0))  # a stranger's, until now
+    ada = type(rex)("ada", THIRD)
+    background_loop.call(bridge.join, ada, of_a_twin(rulebook()))
+    bridge.uplink.arrived(f"cw/{THIRD}/data/position", pose(5.0))
+    list(bridge.turn())
+    topic = f"cyberwave/twin/{THIRD}/"
+    wait_until("its pose is heard", lambda: f"{topic}position" in dict(listener.heard))
+    stop = json.dumps({"command": "emergency_stop"})
+
+    def told():
+        paho.mqtt.publish.single(f"{topic}command", stop, 1, hostname="127.0.0.1", port=port)
+        return ada.emergencies
+
+    wait_until("its command arrives", told)
+    background_loop.call(bridge.leave, THIRD)
+    wait_until("it is disconnected", lambda: listener.telemetry(THIRD)[-1:] == ["disconnected"])
+    number = len(ada.emergencies)
+    for to in (topic, T):
+        paho.mqtt.publish.single(f"{to}command", stop, 1, hostname="127.0.0.1", port=port)
+    wait_until("the others go on", lambda: rex.emergencies)
+    assert len(ada.emergencies) == number
+    bridge.uplink.arrived(f"cw/{THIRD}/data/position", pose(6.0))
+    assert list(bridge.turn()) == []
+    assert bridge.client.stats.connects == 1
+
+
+def test_another_robot_of_a_twin_takes_its_place(bridge, background_loop, port, rex):
+    ada = type(rex)("ada", TWIN)
+    background_loop.call(bridge.join, ada, of_a_twin(rulebook()))
+    stop = json.dumps({"command": "emergency_stop"})
+    paho.mqtt.publish.single(f"{T}command", stop, 1, hostname="127.0.0.1", port=port)
+    wait_until("it is told", lambda: ada.emergencies)
+    assert rex.emergencies == []
+    assert bridge.downlink.latencies.keys() == {"ada", "kestrel"}
 
 
 def test_an_event_on_the_bus_crosses_without_a_turn_and_many_are_written_together(

@@ -89,10 +89,13 @@ ASK = {
     "fleet/yard/elsewhere": {"hub"},
     "fleet/yard/failover": {"hub"},  # it moves robots to another edge: for users of the edge's own computer
     "fleet/yard/changes": {"hub"},  # it changes robots: for users of the edge's own computer
+    "fleet/yard/workers/arms/hold": {"hub"},  # it configures robots: likewise
     "fleet/yard/workers/arms/reload": {"hub"},  # it loads code: for users of the edge's own computer
 }
 ANSWER = {
+    "fleet/yard/workers/arms/hold": {"arms", "hub"},
     "fleet/yard/workers/arms/reload": {"arms", "hub"},
+    "fleet/yard/workers/legs/hold": {"hub"},
     "fleet/yard/workers/legs/reload": {"hub"},
     "fleet/yard/robots/max/command": {"arms", "hub"},
     "fleet/yard/robots/max/command/as/view/desk": {"arms", "hub"},
@@ -280,7 +283,7 @@ def test_what_is_on_the_links_is_shown_only_to_consoles_and_routers(yard, joined
         yard.reports.put(after, b"{}")
 
     wait_until("all hear", lambda: put() or all(after in told.queue for told in heard.values()))
-    wait_until("those who may", lambda: put() or frames in heard["desk"].queue)
+    wait_until("those who may", lambda: put() or all(frames in heard[who].queue for who in ("desk", "hub")))
     assert {name for name, told in heard.items() if frames in told.queue} == {"desk", "hub"}
 
 
@@ -309,7 +312,17 @@ def test_every_key_of_the_fleet_is_given_to_somebody_or_kept():
     decided = {"edge", "robot", "claim", "claims", "command", "holders", "places", "state", "worker"}
     decided |= {"heartbeat", "halt", "health", "stop", "held", "video", "history", "description"}
     decided |= {"prepare", "starts", "starting", "schedules"}
-    decided |= {"mission", "run", "reload", "coordinator", "as_console", "changes", "frames", "failover"}
+    decided |= {
+        "mission",
+        "run",
+        "hold",
+        "reload",
+        "coordinator",
+        "as_console",
+        "changes",
+        "frames",
+        "failover",
+    }
     decided |= {"summary"}
     assert {name for name, _ in inspect.getmembers(keys, inspect.isfunction)} == decided
 

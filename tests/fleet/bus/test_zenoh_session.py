@@ -98,6 +98,22 @@ def test_a_gatherer_that_raises_goes_on_and_ends_with_its_lane(directory, opened
     assert caplog.text.count("a bus callback failed") > 1
 
 
+def test_a_gatherer_that_is_ended_hears_nothing_more_and_wants_nothing(directory, opened, edge):
+    other, heard, threads = opened(join(BusSettings("yard"), directory)), [], []
+
+    def hear(samples):
+        heard.extend(samples)
+        threads.append(threading.current_thread())
+
+    end = other.reports.gather("a/*", hear)
+    publisher = edge.reports.publisher("a/b")
+    wait_until("it is heard", lambda: edge.reports.put("a/b", b"") or heard)
+    end()
+    assert not threads[0].is_alive()
+    wait_until("it is wanted no more", lambda: not publisher.wanted)
+    end()
+
+
 def test_a_question_gets_the_answers_of_everybody(directory, opened, edge, caller):
     other = opened(join_control(BusSettings("yard"), directory))
     for bus_session, name in ((edge.control, b"edge"), (other, b"worker")):

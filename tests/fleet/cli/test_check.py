@@ -138,7 +138,7 @@ def test_one_robot_beside_those_of_a_partner_is_warned_of_too(fleet, place):
 @pytest.mark.parametrize(
     ("site", "start", "told", "hint"),
     [
-        (SITE, "", "it cannot be placed beside the other robots", "start: [metres east"),
+        (SITE, "", "it cannot be placed beside the others", "start: [metres east"),
         ("", START, "nobody knows where its start is on Earth", "site: {origin:"),
         (SITE, START, "", ""),
     ],
@@ -153,3 +153,14 @@ def test_a_robot_that_cannot_be_placed_beside_the_others_is_warned_of(fleet, pla
         assert told in warning["message"]
         assert warning["hint"].startswith(hint)
         assert warning["path"].startswith("robots[1]")
+
+
+def test_many_robots_that_cannot_be_placed_are_warned_of_together(fleet, place):
+    robots = "".join(
+        f"  - {{name: r{number}, twin: 6f0c9a1e-0000-4000-8000-0000000000{number:02}, adapter: ugv, "
+        f'profile: waveshare-beast, link: "serial:/dev/ttyUSB{number}?baud=115200"}}\n'
+        for number in range(20)
+    )
+    (place / "fleet.yaml").write_text(f"edge: {{id: yard-1}}\nrobots:\n{robots}")
+    (warning,) = fleet("check", "--json").json["warnings"]
+    assert warning["message"].startswith("it and 19 other robots cannot be placed")

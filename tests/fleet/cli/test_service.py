@@ -6,6 +6,7 @@ from pathlib import Path
 import pytest
 
 import fleet.cli.service as command
+from fleet.config.edge_id import EDGE_ID
 
 TEXT = """\
 edge: {id: yard-1}
@@ -43,6 +44,24 @@ def test_an_image_gets_the_files_below_its_root(fleet, installable):
     unit = installable / "image/etc/systemd/system/fleet-yard-1.service"
     assert f"ExecStart=/opt/fleet/bin/python -P -m fleet run -- {installable}/fleet.yaml" in unit.read_text()
     assert fleet("service", "uninstall", "--root", "image").code == 0
+    assert not unit.exists()
+
+
+def test_the_unit_of_a_pair_says_which_edge_it_is(fleet, installable, monkeypatch):
+    monkeypatch.setenv(EDGE_ID, "")  # put back afterwards
+    text = TEXT.replace(
+        "edge: {id: yard-1}", "pair: [yard-1, yard-2]\nlease: {servers: [nats://localhost:1]}"
+    )
+    (installable / "fleet.yaml").write_text(
+        text.replace("serial:/dev/ttyS0?baud=57600", "udpin:0.0.0.0:14550")
+    )
+    refused = fleet("service", "install", "--root", "image")
+    assert (refused.code, "--edge-id yard-1 or yard-2" in refused.err) == (3, True)
+    result = fleet("service", "install", "--root", "image", "--edge-id", "yard-2")
+    assert result.code == 0, result.err
+    unit = installable / "image/etc/systemd/system/fleet-yard-2.service"
+    assert f"-m fleet run --edge-id yard-2 -- {installable}/fleet.yaml" in unit.read_text()
+    assert fleet("service", "uninstall", "--root", "image", "--edge-id", "yard-2").code == 0
     assert not unit.exists()
 
 

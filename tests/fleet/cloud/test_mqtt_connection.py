@@ -1,6 +1,8 @@
 """One connection: how long a silent cut goes unnoticed, and who reads while the loop is stuck."""
 
 import asyncio
+import gc
+import weakref
 
 import mqtt5
 import pytest
@@ -10,6 +12,7 @@ from fleet.cloud.mqtt_session import MqttSession
 from fleet.cloud.outbound_queue import OutboundQueue
 from fleet.cloud.packets import PacketDecoder
 from fleet.cloud.values import CloudSettings, CloudStats
+from fleet.errors import CloudError
 from fleet.spool.spool import Spool, SpoolSettings
 from fleet.testing.clock import ManualClock
 
@@ -242,3 +245,49 @@ async def test_a_message_for_which_the_connection_ends_is_handed_over_to_be_look
     assert (message.topic, message.payload) == ("t", b"" if what == "too large" else b"stop")
     assert message.flaw
     await asyncio.wait_for(asyncio.shield(connection.ended), WITHIN)
+
+
+async def falls(connection, broker):
+    broker.end.close()
+    await asyncio.wait_for(connection.ended, WITHIN)
+
+
+async def breaks_the_protocol(connection, broker):
+    broker.say(mqtt5.ConnAckPacket())
+    await asyncio.wait_for(connection.ended, WITHIN)
+
+
+async def says_goodbye(connection, broker):
+    broker.end.close()
+    await connection.leave(WITHIN)
+
+
+async def is_given_up(connection, _broker):
+    connection.give_up(CloudError("given up"))
+
+
+@pytest.fixture
+def no_collector():
+    """Have what is in a circle of references stay where it is."""
+    gc.disable()
+    yield
+    gc.enable()
+
+
+@pytest.mark.parametrize("ends_by", [falls, breaks_the_protocol, says_goodbye, is_given_up])
+async def test_a_connection_that_has_ended_is_freed_without_the_garbage_collector(
+    ends, broker, clock, no_collector, ends_by
+):
+    box = OutboundQueue(Spool(SpoolSettings(), clock), 1000, 10**6, CloudStats(), clock)
+    session = MqttSession(SETTINGS, {}, box, CloudStats())
+    one = MqttConnection(ends[0], session, SETTINGS, clock, deliver=broker.handed.extend, take=broker.take)
+    broker.say(mqtt5.ConnAckPacket())
+    await asyncio.wait_for(one.ready, WITHIN)
+    await ends_by(one, broker)
+    session.end()
+    connection_there, session_there = weakref.ref(one), weakref.ref(session)
+    broker.begin = None
+    del one, session
+    for _ in range(3):  # turns of the loop, for calls that were asked for before the end
+        await asyncio.sleep(0)
+    assert (connection_there(), session_there()) == (None, None)

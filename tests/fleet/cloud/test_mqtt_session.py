@@ -101,6 +101,21 @@ def test_nothing_is_sent_before_every_subscription_is_answered():
     assert ids(talk.send()) == [("t", 3, False)]
 
 
+def test_other_filters_are_asked_for_without_touching_those_that_stay():
+    talk = Talk({"kept": 1, "gone": 1})
+    talk.hear(mqtt5.SubAckPacket(talk.replies()[0].packet_id, [mqtt5.SubAckReasonCode(1)] * 2))
+    talk.session.resubscribe({"kept": 1, "new": 2})
+    subscribe, unsubscribe = talk.replies()
+    assert [one.pattern for one in subscribe.topic_filters] == ["new"]
+    assert unsubscribe.patterns == ["gone"]
+    talk.put(message("t"))
+    assert [packet.topic for packet in talk.send()] == ["t"], "what is sent waits for none of it"
+    talk.hear(mqtt5.UnsubAckPacket(unsubscribe.packet_id, [mqtt5.UnsubAckReasonCode(0)]))
+    talk.hear(mqtt5.SubAckPacket(subscribe.packet_id, [mqtt5.SubAckReasonCode(2)]))
+    with pytest.raises(SessionEnded, match="was not asked for"):
+        talk.hear(mqtt5.SubAckPacket(unsubscribe.packet_id, [mqtt5.SubAckReasonCode(2)]))
+
+
 def test_a_refused_subscription_is_named():
     talk = Talk({"mine": 1, "yours": 1})
     codes = [mqtt5.SubAckReasonCode(1), mqtt5.SubAckReasonCode.NOT_AUTHORIZED]

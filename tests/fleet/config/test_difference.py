@@ -1,6 +1,7 @@
 """Two fleet files to what differs: every robot once, each field in the table, no secret shown."""
 
 import json
+from pathlib import PurePath
 from uuid import UUID
 
 import pytest
@@ -18,6 +19,7 @@ from fleet.config.difference import (
     flat,
     not_shown,
     outline_of,
+    pair_digest,
     renamed,
     shown_by,
 )
@@ -50,7 +52,9 @@ def test_the_same_file_differs_in_nothing(one):
 def test_every_robot_of_either_file_is_told_once_and_every_section_that_differs(old, new):
     found = difference(old, new, not_shown)
     robots = [change for change in found if not change.section]
-    assert sorted(change.name for change in robots) == sorted({*old.robots, *new.robots})
+    names = [change.name for change in robots]
+    names += [renamed(old, new)[change.name] for change in robots if change.kind is ChangeKind.RENAMED]
+    assert sorted(names) == sorted({*old.robots, *new.robots})
     sections = {change.name for change in found if change.section}
     known = {*old.sections, *new.sections}
     assert sections == {name for name in known if old.sections.get(name, {}) != new.sections.get(name, {})}
@@ -64,6 +68,9 @@ def test_what_becomes_of_a_robot_follows_from_its_fields_alone(old, new):
             continue
         was, now = old.robots.get(change.name), new.robots.get(change.name)
         expected = ChangeKind.ADDED if was is None else ChangeKind.REMOVED if now is None else None
+        if change.kind is ChangeKind.RENAMED:
+            assert (was, now["twin"]) == (None, old.robots[renamed(old, new)[change.name]]["twin"])
+            continue
         if was is not None and now is not None:
             expected = kind_of({name.split(".")[0] for name in changed(was, now)}, was)
         assert change.kind is expected
@@ -149,3 +156,16 @@ def test_values_of_every_kind_are_flat_text():
         "d": f'"{TWIN.format(1)}"',
         "e": '["x", "y"]',
     }
+
+
+def test_the_digest_of_a_pair_leaves_out_what_belongs_to_one_computer():
+    def digest(folder="/etc/fleet", edge="a", **robot):
+        path = json.dumps(f"{folder}/body.yaml")
+        fields = {"link": '"tcp:1"', "password": '"x"', "body": path, "limits.speed": "1.0"} | robot
+        sections = {"edge": {"id": json.dumps(edge)}, "cloud": {"token": "1"}, "places": {"gate.at": "[1]"}}
+        return pair_digest(Outline(edge, sections, {"rex": fields}), PurePath(folder))
+
+    plain = digest()
+    assert plain == digest("/home/fleet", "b", link='"tcp:2"', password='"y"')
+    assert plain != digest(**{"limits.speed": "2.0"})
+    assert len(plain) == 16

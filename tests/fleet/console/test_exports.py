@@ -1,25 +1,38 @@
 """A window of the recordings as a file: who may have it, and how much of it."""
 
+import asyncio
 import json
-import threading
+import socket
 
 import pytest
 
 from fleet.console import exports
+from fleet.console.exports import Exports, Window
+from fleet.console.sessions import Operator
+from fleet.errors import Refused
 from fleet.model.permission import Permission
 from fleet.record.export import recorded
+from fleet.testing.waiting import DEADLINE, wait_until
 from tests.tools.recordings import write_recording
 
 BEGINS, SECONDS = 1_795_000_000.0, 10
+ADAM = Operator("adam", Permission.ADMIN)
 WINDOW = {"since": BEGINS + 2, "until": BEGINS + 6}
 
 
 @pytest.fixture(scope="module")
-def served(runtime, serve_console, tmp_path_factory):
-    """Serve a console with a recording."""
+def recordings(tmp_path_factory):
+    """Write a recording."""
     folder = tmp_path_factory.mktemp("export") / "recordings"
     write_recording(folder, BEGINS, SECONDS)
-    with serve_console(runtime, "export", recordings=(str(folder), str(folder / "none"))) as served:
+    return folder
+
+
+@pytest.fixture(scope="module")
+def served(runtime, serve_console, recordings):
+    """Serve a console with a recording."""
+    folders = (str(recordings), str(recordings / "none"))
+    with serve_console(runtime, "export", recordings=folders) as served:
         yield served
 
 
@@ -68,13 +81,49 @@ def test_what_is_no_window_of_a_recording_is_refused_with_the_reason(served, win
     assert (found, words in json.loads(body)["error"]) == (status, True)
 
 
-def test_after_windows_that_were_asked_for_at_once_there_is_room_for_the_next(served):
-    statuses = []
-    threads = [threading.Thread(target=lambda: statuses.append(ask(served)[0])) for _ in range(4)]
-    for thread in threads:
-        thread.start()
-    for thread in threads:
-        thread.join()
-    assert set(statuses) <= {200, 403}
-    assert 200 in statuses
-    assert ask(served)[0] == 200
+async def exported(exports):
+    """Export a window; return the bytes of its file."""
+    async with exports.export(Window(**WINDOW), ADAM) as export:
+        return b"".join([block async for block in export.blocks()])
+
+
+async def test_of_windows_that_are_asked_for_at_once_one_is_exported(recordings):
+    exports = Exports(lambda: [recordings])
+    found = await asyncio.gather(*(exported(exports) for _ in range(4)), return_exceptions=True)
+    assert [type(each) for each in found].count(Refused) == 3
+    assert [each[1:5] for each in found if isinstance(each, bytes)] == [b"MCAP"]
+    assert await exported(exports)
+
+
+async def test_an_export_of_which_nothing_is_read_ends_with_who_asked(recordings):
+    exports = Exports(lambda: [recordings])
+    async with exports.export(Window(**WINDOW), ADAM):
+        with pytest.raises(Refused, match="another window"):
+            await exported(exports)
+    assert await exported(exports)
+
+
+async def test_an_export_that_is_cancelled_while_it_begins_leaves_room_for_the_next(recordings):
+    exports = Exports(lambda: [recordings])
+    asked = asyncio.create_task(exported(exports))
+    await asyncio.sleep(0)
+    asked.cancel()
+    await asyncio.gather(asked, return_exceptions=True)
+    assert await exported(exports)
+
+
+def test_a_browser_that_leaves_at_once_leaves_room_for_the_next(served):
+    body = json.dumps(WINDOW).encode()
+    cookie = served.cookie()
+    head = {
+        "Host": f"127.0.0.1:{served.port}",
+        "Origin": served.base,
+        "Cookie": cookie,
+        "X-Fleet-Proof": served.proofs[cookie],
+        "Content-Type": "application/json",
+        "Content-Length": str(len(body)),
+    }
+    lines = "".join(f"{name}: {value}\r\n" for name, value in head.items())
+    with socket.create_connection(("127.0.0.1", served.port), timeout=DEADLINE) as gone:
+        gone.sendall(f"POST /api/recording HTTP/1.1\r\n{lines}\r\n".encode() + body)
+    wait_until("room", lambda: ask(served)[0] == 200)

@@ -4,6 +4,7 @@ import msgspec
 import pytest
 
 from fleet.bus import keys
+from fleet.missions.rehearsal import RehearsalNote, RehearsalResult, RehearsalState
 from fleet.missions.report import AskedNow, Controlled, MissionState, RunRobot, RunState, Started
 from fleet.model.permission import Permission
 
@@ -25,6 +26,7 @@ class PlayedMissions:
     def __init__(self, yard):
         self.asked = []
         self.answers = {"patrol": Started("3f2a", {"feet": ["rex"]}), "3f2a": Controlled()}
+        self.rehearsal = []  # what is told of one, one after the other
         yard.bus.control.answer("fleet/yard-1/missions/patrol", self._take, more=keys.CONSOLE)
         yard.bus.control.answer("fleet/yard-1/runs/3f2a", self._take, more=keys.CONSOLE)
 
@@ -33,7 +35,8 @@ class PlayedMissions:
         shown = {"patrol": MissionState("patrol", "yard-1", "Go round."), "3f2a": RUN}[name]
         if question.payload:
             self.asked.append((name, msgspec.json.decode(question.payload), question.parameters.get("do")))
-            shown = self.answers[name]
+            about_rehearsal = question.parameters.get("do") in {"rehearse", "rehearsal"}
+            shown = self.rehearsal.pop(0) if about_rehearsal else self.answers[name]
         question.reply(msgspec.json.encode(shown))
         question.close()
 
@@ -83,7 +86,12 @@ def test_a_run_that_nobody_knows_is_told_so(console, missions):
 
 
 @pytest.mark.parametrize(
-    "ask", [{"ask": "mission", "name": "patrol"}, {"ask": "run", "run": "3f2a", "do": "abort"}]
+    "ask",
+    [
+        {"ask": "mission", "name": "patrol"},
+        {"ask": "rehearse", "name": "patrol"},
+        {"ask": "run", "run": "3f2a", "do": "abort"},
+    ],
 )
 def test_who_may_only_view_starts_and_aborts_nothing(console, missions, ask):
     before = len(missions.asked)
@@ -91,3 +99,46 @@ def test_who_may_only_view_starts_and_aborts_nothing(console, missions, ask):
         page.ask(**ask, request="r", edge="yard-1")
         assert "it needs the permission operate" in page.answer("r")["reason"]
     assert len(missions.asked) == before
+
+
+NOTES = RehearsalNote(0.5, "it begins"), RehearsalNote(1.0, "rex is there")
+
+
+def test_a_rehearsal_is_followed_to_its_result(console, missions):
+    result = RehearsalResult("patrol", "completed", 12.0)
+    missions.rehearsal = [
+        RehearsalState("7", roles={"feet": ["rex"]}),
+        RehearsalState("7", seconds=1.0, step="go", notes=NOTES),
+        RehearsalState("7", seconds=12.0, result=result),
+    ]
+    with console.page(Permission.OPERATE) as page:
+        page.ask("rehearse", request="r", edge="yard-1", name="patrol", inputs={"height": 5})
+        while not (answer := page.next("answer")).get("done"):
+            pass
+    assert answer["rehearsal"]["result"]["seconds"] == 12.0
+    told = [each["rehearsal"] for each in page.answers if each["request"] == "r"]
+    assert [each.get("step", "") for each in told] == ["", "go", ""]
+    (_, begun, first), (_, looked, second), (_, again, third) = missions.asked[-3:]
+    assert (first, second, third) == ("rehearse", "rehearsal", "rehearsal")
+    assert (begun["inputs"], begun["session_id"]) == ({"height": 5}, "anna")
+    assert (looked, again) == ({"id": "7", "since": 0}, {"id": "7", "since": 2})
+
+
+@pytest.mark.parametrize(
+    "states",
+    [
+        [RehearsalState(refusal="another rehearsal is under way")],
+        [RehearsalState("7"), RehearsalState("7", failure="another rehearsal is under way")],
+    ],
+    ids=["refused", "failed"],
+)
+def test_a_rehearsal_that_there_cannot_be_is_told_with_its_reason(console, missions, states):
+    missions.rehearsal = list(states)
+    with console.page(Permission.OPERATE) as page:
+        page.ask("rehearse", request="r", edge="yard-1", name="patrol")
+        while (answer := page.next("answer"))["status"] == "accepted":
+            pass
+    assert (answer["status"], answer["reason"]) == (
+        "rejected",
+        "it cannot be rehearsed: another rehearsal is under way",
+    )

@@ -1,6 +1,7 @@
 """The page at a second of the recordings: everything as it was then, and no control but the stop."""
 
 import contextlib
+import math
 import time
 from datetime import UTC, datetime
 from pathlib import Path
@@ -101,6 +102,40 @@ def test_the_fleet_at_a_second_is_told_with_its_poses_health_runs_and_events(ser
     assert (event["robot"], event["by"], event["text"]) == (REX, "berta", "stopped: too close")
     assert told["tracks"][REX][0] == [10.0, 0.0]
     assert told["recorded"] == begins + 12.0
+
+
+def test_fences_joints_and_schedules_are_as_they_were(served, begins):
+    def at(moment):
+        with served.page(Permission.VIEW) as page:
+            page.ask("moment", request="one", at=begins + moment)
+            return page.answer("one")["moment"]["entries"]
+
+    before, after = at(12.0), at(27.0)
+    for entries, reach, knee in ((before, 40.0, 1.2), (after, 20.0, 2.7)):
+        described = entries["descriptions"][REX]
+        assert described["fence"]["inclusion"][0][1] == [reach, -1.0]
+        assert (described["commands"], described["body"][0]["joint"]) == ([], "knee")
+        assert entries["numbers"][REX]["joint_states.positions.knee"] == knee
+        assert entries["numbers"][REX]["position.qw"] == 1.0
+    enabled = [entries["schedules"]["yard-1/nightly"]["enabled"] for entries in (before, after)]
+    assert enabled == [True, False]
+
+
+def test_the_page_draws_the_body_and_shows_schedules_without_buttons_in_the_past(open_past, begins):
+    page = open_past(at=begins + 15)
+    page.locator("#robot ul.schedules", has_text="switched off").wait_for()
+    assert page.locator("#robot .schedules button").count() == 0
+    page.click(f'#robots li[data-id="{REX}"]')
+    page.wait_for_selector(".body3d")
+
+    def knee():
+        return page.evaluate("fleetPage.partEnds()").get("leg", [0])[0]
+
+    wait_until("the joint", lambda: knee() == pytest.approx(-math.sin(1.5)))
+    assert page.locator("#robot button.command").count() == 0
+    assert page.locator(".pad").count() == 0
+    goes_to(page, begins + 5)
+    wait_until("the joint before", lambda: knee() == pytest.approx(-math.sin(0.5)))
 
 
 def test_a_time_of_which_nothing_is_recorded_is_refused_and_one_after_it_is_told_as_old(served, begins):

@@ -6,7 +6,9 @@ import pytest
 
 from fleet.console.fleet_view import FleetView
 from fleet.console.watched_reports import WatchedReports
+from fleet.model.report import PhotoReport
 from fleet.model.state import RobotState
+from fleet.wire.databus import encode_report
 
 TWIN = "6f0c9a1e-8d2b-4c57-9a39-2f4a1d0b7c11"
 
@@ -17,10 +19,15 @@ class PlayedBus:
     def __init__(self):
         self.heard = {}
         self.reports = self
+        self.photo = b""  # the last one
 
     def subscribe(self, key, call):
         self.heard[key] = call
         return lambda: self.heard.pop(key)
+
+    def ask_later(self, key, _payload, *, timeout, on_answer, on_end):
+        if self.photo:
+            on_answer(self.photo)
 
     def report(self, channel, **message):
         for call in list(self.heard.values()):
@@ -69,3 +76,17 @@ def test_a_twin_that_is_no_identity_is_not_subscribed_to(watched):
     reports, _, bus, _ = watched
     reports.watch({"yard/odd", "yard/ghost"})
     assert bus.heard == {}
+
+
+def test_the_last_picture_of_a_watched_robot_is_asked_for_and_newer_ones_replace_it(watched):
+    reports, view, bus, _ = watched
+    bus.photo = encode_report(PhotoReport(1.0, b"\xff\xd8\xff1", "jpeg", 4, 3), 1)
+    reports.watch({"yard/rex"})
+    reports.take()
+    assert view.get("photos", "yard/rex") == {"stamp": 1.0, "width": 4, "height": 3}
+    newer = encode_report(PhotoReport(2.0, b"\xff\xd8\xff2", "jpeg", 4, 3), 2)
+    next(iter(bus.heard.values()))(f"cw/{TWIN}/data/photo", newer)
+    reports.take()
+    assert view.get("photos", "yard/rex")["stamp"] == 2.0
+    assert reports.photos.newest("yard/rex") == b"\xff\xd8\xff2"
+    assert view.get("numbers", "yard/rex") is None

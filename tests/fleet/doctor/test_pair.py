@@ -6,7 +6,8 @@ import pytest
 
 from fleet.config.other_edges import LeaseConfig
 from fleet.doctor.finding import Verdict
-from fleet.doctor.pair import answers, check_pair, runs_here
+from fleet.doctor.pair import answers, check_files, check_pair, runs_here
+from fleet.model.state import EdgeState
 
 A, B, C = (f"tls://10.0.0.{number}:4222" for number in (1, 2, 3))
 
@@ -49,3 +50,19 @@ def test_a_server_that_listens_answers():
         port = listener.getsockname()[1]
         assert answers(f"nats://127.0.0.1:{port}")
     assert not answers(f"nats://127.0.0.1:{port}")
+
+
+@pytest.mark.parametrize(
+    ("files", "verdicts"),
+    [
+        ({"a": "1", "b": "1", "c": "2"}, [Verdict.OK]),
+        ({"a": "1", "b": "2"}, [Verdict.ERROR]),
+        ({"a": "1", "b": ""}, []),
+        ({"a": "1"}, []),
+    ],
+)
+def test_two_edges_with_different_files_are_named(files, verdicts):
+    states = [EdgeState(name, "0", 0.0, 0.0, pair_file=file) for name, file in files.items()]
+    found = check_files(("a", "b"), states)
+    assert [each.verdict for each in found] == verdicts
+    assert all("neither takes over" in each.found for each in found if each.verdict is Verdict.ERROR)

@@ -7,6 +7,7 @@ import asyncio
 import itertools
 import json
 import random
+import uuid
 
 import msgspec
 import pytest
@@ -77,6 +78,7 @@ class Load:
         self.names = list(edge.process.robots)
         self.driven = set(self.names[::3])
         self.heard = {name: [] for name in self.names}
+        self.done = []
 
     async def drive(self):
         while True:
@@ -94,10 +96,24 @@ class Load:
             session.subscribe(data_key(robot.twin, PoseReport.channel), told)
 
     def change_some(self, number):
+        """Change robots at random; one more is renamed, added, or taken out again."""
         fleet = json.loads(self.place.file.read_text())
         for entry in self.dice.sample(fleet["robots"], number):
             entry.update(self.dice.choice(FORMS)(self.dice))
+        self.come_and_go(fleet["robots"])
         self.place.file.write_text(json.dumps(fleet))
+
+    def come_and_go(self, robots):
+        guests = [entry for entry in robots if entry["name"] not in self.names]
+        what = self.dice.choice(["add", "rename", "remove"]) if guests else "add"
+        self.done.append(what)
+        name = f"guest{len(self.done)}"
+        if what == "add":
+            robots.append(robots[0] | {"name": name, "twin": str(uuid.uuid4()), "limits": {"speed": 1.0}})
+        elif what == "rename":
+            guests[0]["name"] = name
+        else:
+            robots.remove(guests[0])
 
     def words(self, name):
         lines = self.place.journal.read_text().splitlines()
@@ -119,7 +135,7 @@ def load_of(yard):
 
 
 async def test_robots_that_are_not_changed_lose_no_message_and_no_lease(load_of, run_edge, asks, request):
-    robots, rounds, each = (50, 25, 4) if request.config.getoption("--soak") else (9, 2, 3)
+    robots, rounds, each = (50, 25, 3) if request.config.getoption("--soak") else (9, 4, 2)
     place = load_of(robots)
     edge = place.edge()
     async with run_edge(edge):
@@ -142,6 +158,10 @@ async def test_robots_that_are_not_changed_lose_no_message_and_no_lease(load_of,
             assert all(later - sooner == 1 for sooner, later in itertools.pairwise(load.heard[name])), name
         assert all(set(load.words(name)) == {"run"} for name in load.driven)
         assert rebuilt
+        kinds = {"add": ChangeKind.ADDED, "rename": ChangeKind.RENAMED, "remove": ChangeKind.REMOVED}
+        came = [change for change in done if change.kind in kinds.values()]
+        assert [change.kind for change in came] == [kinds[what] for what in load.done]
+        assert {change.outcome for change in came} == {Outcome.DONE}
         assert {change.outcome for change in done} >= {Outcome.DONE}
         assert {change.outcome for change in done if change.name in load.driven} & {
             Outcome.REFUSED,

@@ -42,7 +42,7 @@ class FakeSession:
         self.takers, self.heard = [], []
 
     def __getattr__(self, _name):
-        return lambda *_arguments, **_options: None
+        return lambda *_arguments, **_options: lambda: None
 
     def publishers(self, _pattern):
         return SimpleNamespace(wanted=lambda _key: None)
@@ -52,6 +52,7 @@ class FakeSession:
 
     def answer(self, key, call, **_options):
         self.takers.append((key, call))
+        return lambda: None
 
     def put(self, key, payload, *, urgent=False, note=b""):
         for declared, call in self.heard:
@@ -120,7 +121,7 @@ class Rig:
         self.puppet = puppet(self.config, RecordingRobot())
         self.robot.controller.attach(self.puppet)
         self.robot.controller.found()
-        self.process._declare(self.robot)
+        self.process._show(self.robot)
         port = self.robot
         if worker:
             port = RemoteRobot(

@@ -56,6 +56,33 @@ def test_items_are_converted_one_for_one():
     assert found["home"] == {"latitude": 47.3977, "longitude": 8.5455, "altitude_amsl_m": 488}
 
 
+def test_the_landing_pattern_of_a_plane_is_its_start_its_approach_and_its_end():
+    pattern = {
+        "type": "ComplexItem",
+        "complexItemType": "fwLandingPattern",
+        "altitudesAreRelative": True,
+        "landCoordinate": [47.3970, 8.5450, 0],
+        "landingApproachCoordinate": [47.3990, 8.5450, 40],
+        "loiterClockwise": False,
+        "loiterRadius": 75,
+        "useLoiterToAlt": True,
+    }
+    start, approach, end = plan_in(plan(item(16, place=HERE), pattern))["items"][1:]
+    assert start == {"type": "land_start"}
+    there = {"latitude": 47.3990, "longitude": 8.5450, "altitude_m": 40}
+    assert approach == {"type": "loiter_to_altitude", "radius_m": 75, "direction": "ccw", **there}
+    assert end == {"type": "land", "latitude": 47.3970, "longitude": 8.5450, "altitude_m": 0}
+    straight = plan_in(plan(item(16, place=HERE), pattern | {"useLoiterToAlt": False}))
+    assert straight["items"][2] == {"type": "waypoint", **there}
+
+
+def test_a_landing_is_the_end_of_a_plan():
+    down = item(21, place=(47.3970, 8.5450, 0))
+    assert plan_in(plan(item(16, place=HERE), down))["items"][-1]["type"] == "land"
+    with pytest.raises(WireError, match="nothing may follow land"):
+        plan_in(plan(down, item(16, place=HERE)))
+
+
 def test_a_survey_is_flown_by_the_items_that_it_comes_to():
     inner = {"Items": [item(16, place=HERE)]}
     survey = {"type": "ComplexItem", "complexItemType": "survey", "TransectStyleComplexItem": inner}

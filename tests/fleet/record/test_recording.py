@@ -9,8 +9,10 @@ import pytest
 from fleet.bus import keys
 from fleet.clock import SystemClock
 from fleet.history.record import Record
+from fleet.model.description import RobotDescription
 from fleet.model.event import EventKind
 from fleet.model.report import BatteryReport
+from fleet.model.schedule import ScheduleAnswer
 from fleet.record.recording import record
 from fleet.record.task import Bounds, RecordTask
 from fleet.testing.waiting import DEADLINE
@@ -57,6 +59,12 @@ async def test_an_edge_is_recorded_with_its_history(yard, recorded):
     )
     (event,) = [each.data for topic, _, each in found if topic == "/yard-1/rex/history"]
     assert (count, msgspec.json.decode(event, type=Record).text) == (len(found), "stopped")
+
+
+async def test_fences_and_schedules_of_an_edge_are_asked_for(yard, recorded):
+    yard.tells(keys.description("yard-1", "rex"), RobotDescription("rex", "toy", ()))
+    yard.tells(keys.schedules("yard-1"), ScheduleAnswer())
+    await recorded({"/yard-1/rex/description"})
 
 
 async def test_an_edge_that_cannot_tell_its_history_is_recorded_all_the_same(yard, recorded, caplog):

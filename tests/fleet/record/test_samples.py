@@ -8,9 +8,12 @@ import pytest
 
 from fleet.history.record import Record
 from fleet.missions.report import RunState
+from fleet.model.body import BodyPart
 from fleet.model.command import Transport
+from fleet.model.description import CommandDescription, FenceDescription, RobotDescription
 from fleet.model.event import EventKind, Requester
 from fleet.model.report import BatteryReport
+from fleet.model.schedule import ScheduleAnswer, ScheduleState
 from fleet.model.site import Placement
 from fleet.model.state import EdgeState, RobotState
 from fleet.record.samples import SampleReader, event_message
@@ -81,3 +84,25 @@ def test_a_command_is_recorded_with_who_asked():
     assert (message.topic, message.stamp) == ("/yard-1/rex/history", 7.0)
     assert (body["asker"]["name"], body["command"], body["request"]) == ("anna", "stop", "c1")
     assert event_message("yard-1", Record(7.0, "", EventKind.SCHEDULE, "x")).topic == "/yard-1/history"
+
+
+def test_fence_and_body_of_a_robot_and_schedules_are_recorded_when_they_change(reader):
+    def described(reach, refusal=""):
+        fence = FenceDescription(inclusion=(((0.0, 0.0), (reach, 0.0), (reach, 1.0)),))
+        commands = (CommandDescription("beep", refusal=refusal),)
+        return RobotDescription("rex", "toy", commands, fence=fence, body=(BodyPart("trunk"),))
+
+    def schedules(*, enabled):
+        return ScheduleAnswer((ScheduleState("nightly", "round", "every 1 h", enabled),))
+
+    description, listed = "fleet/yard-1/robots/*/description", "fleet/yard-1/schedules"
+    expected = ("/yard-1/rex/description", "fleet.RobotDescription")
+    assert told(reader, description, described(1.0)) == [expected]
+    assert told(reader, description, described(1.0, "the battery is low")) == []
+    assert told(reader, description, described(2.0)) == [expected]
+    assert told(reader, listed, schedules(enabled=True)) == [("/yard-1/schedules", "fleet.ScheduleAnswer")]
+    assert told(reader, listed, schedules(enabled=True)) == []
+    standing = {each.topic: json.loads(each.payload) for each in reader.standing}
+    assert standing.keys() == {"/yard-1/rex/description", "/yard-1/schedules"}
+    assert standing["/yard-1/rex/description"]["fence"]["inclusion"][0][1] == [2.0, 0.0]
+    assert standing["/yard-1/rex/description"]["commands"] == []

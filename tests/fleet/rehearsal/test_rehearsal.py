@@ -107,6 +107,9 @@ def test_the_host_keeps_robots_apart_and_the_nearest_that_they_came_is_told(fiel
     (nearest,) = [each for each in result.approaches if each.robots == ("ugv-1", "ugv-2")]
     assert nearest.metres > nearest.kept == 0.8
     assert 0.0 < nearest.at < result.seconds
+    track = {each.robot: each.points for each in result.tracks}["ugv-1"]
+    assert track[-1][1:3] == (pytest.approx(3, abs=0.5), pytest.approx(-3, abs=0.5))
+    assert 5 < len(track) < 100
 
 
 def test_a_robot_without_a_simulator_gets_a_stand_in_that_is_named(field):

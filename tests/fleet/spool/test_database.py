@@ -1,6 +1,6 @@
 """The files of an edge's lasting state."""
 
-from fleet.spool.database import open_checked
+from fleet.spool.database import CACHE, open_checked
 
 
 def test_a_file_is_made_for_its_user_alone_whoever_may_look_into_its_folder(tmp_path):
@@ -23,3 +23,9 @@ def test_a_file_of_an_older_format_is_brought_to_the_newest_and_keeps_what_it_ho
         assert connection.execute("SELECT * FROM kept").fetchall() == [("old", "moved")]
         assert connection.execute("PRAGMA user_version").fetchone() == (3,)
         connection.close()
+
+
+def test_a_file_that_grows_takes_no_more_memory(tmp_path):
+    connection, _ = open_checked(tmp_path / "spool.db", ["CREATE TABLE kept (what TEXT)"], "NORMAL")
+    assert connection.execute("PRAGMA cache_size").fetchone() == (-CACHE,)
+    connection.close()

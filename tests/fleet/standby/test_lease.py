@@ -102,6 +102,30 @@ def test_a_standby_takes_a_lease_that_was_handed_to_it_at_once(b):
     assert b.wish(50.0) is Wish.TAKE
 
 
+def test_an_edge_with_another_file_does_not_take_over_until_that_is_accepted(b):
+    b.config = "mine"
+    entry = Entry("a", "a-1", 7, released=True, config="other")
+    b.see(entry, 9, 50.0)
+    assert (b.wish(60.0), b.differs) == (None, True)
+    b.accept()
+    assert (b.wish(60.0), b.differs) == (Wish.TAKE, False)
+    b.see(Entry("a", "a-1", 7, config="yet another"), 10, 61.0)
+    assert b.wish(70.0) is None, "only that file was accepted"
+    b.config = "yet another"
+    assert b.wish(70.0) is Wish.TAKE
+
+
+@pytest.mark.parametrize(
+    "entry", [Entry("a", "a-1", 7), Entry("b", "b-0", 7, config="before"), Entry("a", "a-1", config="mine")]
+)
+def test_a_file_that_is_not_told_or_is_our_own_keeps_no_edge_from_taking_over(b, entry):
+    """An older edge tells none, and an edge that starts again has changed its own."""
+    b.config = "mine"
+    b.see(entry, 9, 50.0)
+    assert b.wish(60.0) is Wish.TAKE
+    assert b.begin(Wish.TAKE, {}, 60.0).config == "mine"
+
+
 def test_nobody_else_takes_a_lease_that_was_handed_to_an_edge_before_its_length_has_passed(a):
     a.see(Entry("c", "c-1", 7, released=True, to="b"), 9, 50.0)
     assert a.wish(52.9) is None

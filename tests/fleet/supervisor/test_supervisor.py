@@ -74,6 +74,11 @@ def test_the_exit_code_is_the_edges_own(field):
     assert not field.path.exists()
 
 
+def test_the_edge_gets_few_memory_arenas_so_that_its_memory_stays_flat(field):
+    variables = Path(f"/proc/{field.supervisor._child.pid}/environ").read_bytes().split(b"\0")
+    assert b"MALLOC_ARENA_MAX=" + os.environb.get(b"MALLOC_ARENA_MAX", b"2") in variables
+
+
 def test_a_stop_without_an_edge_is_answered_as_kept_and_told_to_the_next(field):
     (answer,) = stop_all(field.folder, ("rex",))
     assert (answer.kept, answer.names) == (True, ())

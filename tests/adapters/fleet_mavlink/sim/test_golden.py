@@ -1,4 +1,4 @@
-"""Flights of real autopilots, flown again by the simulated ones: answers, modes, heights, noses."""
+"""Flights and drives of real autopilots, done again by the simulated ones: answers, modes, heights, noses."""
 
 import functools
 
@@ -12,6 +12,7 @@ RECORDINGS = [
     "px4_takeoff_low",
     "px4_takeoff_variants",
 ]
+DRIVES = ["ap_rover", "ap_rover_stops"]
 ON_GROUND = 1
 COMES_DOWN = {0x06040000, 0x05040000, 6, 9}  # modes that take the ground's time
 UNDECIDED = {
@@ -34,13 +35,13 @@ def flights(module_at):
     return of
 
 
-@pytest.mark.parametrize("name", RECORDINGS)
+@pytest.mark.parametrize("name", [*RECORDINGS, *DRIVES])
 def test_commands_are_answered_as_recorded(flights, name):
     recording, flown = flights(name)
     assert flown.seen.acks == recording.seen.acks
 
 
-@pytest.mark.parametrize("name", RECORDINGS)
+@pytest.mark.parametrize("name", [*RECORDINGS, *DRIVES])
 @pytest.mark.parametrize("kind", ["mode", "armed", "landed"])
 def test_it_goes_through_the_recorded_states(flights, name, kind):
     recording, flown = flights(name)

@@ -155,7 +155,7 @@ def test_navigation_that_cannot_be_flown_is_refused(bench):
     px4 = bench("px4")
     px4.run(0.2)
     px4.tell(mav.MAVLink_mission_count_message(1, 1, 1, 0))
-    (ack,) = px4.tell(item(0, 31))
+    (ack,) = px4.tell(item(0, 36))
     assert ack.type == mav.MAV_MISSION_UNSUPPORTED
 
 

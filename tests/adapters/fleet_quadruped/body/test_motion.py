@@ -2,7 +2,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from fleet_quadruped.body.motion import folding, rising, rolling, sitting
+from fleet_quadruped.body.motion import folding, freeing, rising, rolling, sitting
 from fleet_quadruped.robot.description import EXAMPLE, load_description
 
 DOG = load_description(EXAMPLE)
@@ -34,6 +34,20 @@ def test_folding_begins_where_the_joints_are_and_never_jumps(start):
         assert max(abs(a - b) for a, b in zip(before, now, strict=True)) < 0.15
         before = now
     assert before == pytest.approx(FOLD)
+
+
+def test_a_leg_that_lies_across_the_body_is_stretched_before_it_is_folded():
+    start = list(FOLD)
+    start[4] -= 1.4  # the hip of the front right leg
+    motion = freeing(DOG, tuple(start))
+    knees = [motion.step(0.01).angles[5] for _ in range(60)]
+    assert max(knees) > start[5] + 0.8
+    assert last(motion) == pytest.approx(FOLD)
+
+
+def test_legs_that_lie_free_are_folded_at_once():
+    start = DOG.stance(0.27)
+    assert freeing(DOG, start).step(0.01) == folding(DOG, start).step(0.01)
 
 
 def test_rolling_without_a_roll_pose_is_refused():

@@ -56,6 +56,7 @@ PATTERNS = {
 }
 
 
+@pytest.mark.combinations
 @pytest.mark.parametrize("pattern", PATTERNS.values(), ids=PATTERNS)
 def test_wherever_its_joints_are_led_a_standing_dog_goes_on_standing(standing, pattern):
     start = posture(standing)
@@ -133,6 +134,7 @@ def test_a_stop_on_the_way_back_to_standing_stops_that_too(standing):
     assert standing.controller.targets[2] == pytest.approx(held, abs=0.005)
 
 
+@pytest.mark.combinations
 @pytest.mark.parametrize("stopped", [False, True])
 def test_it_sits_down_from_the_posture_that_it_has(standing, stopped):
     lead(standing, 1.0, [at + 0.15 for at in posture(standing)])

@@ -24,6 +24,7 @@ def lying(dog, turn):
     return rig
 
 
+@pytest.mark.combinations
 @pytest.mark.parametrize("turn", TURNS)
 def test_it_gets_up_from_whatever_it_lies_on(any_dog, turn):
     rig = lying(any_dog, turn)
@@ -33,6 +34,21 @@ def test_it_gets_up_from_whatever_it_lies_on(any_dog, turn):
         if rig.mode is Mode.STANDING:
             break
     assert (rig.mode, rig.fault) == (Mode.STANDING, "")
+
+
+def orientations(count):
+    chance = random.Random(99)
+    return [random_turn(chance) for _ in range(count)]
+
+
+def test_a_dog_with_soft_joints_frees_a_leg_that_lies_under_its_body(mit_dog):
+    assert tries_needed(mit_dog, orientations(32)[31]) is not None
+
+
+def test_it_gets_up_from_each_of_many_orientations(any_dog, request):
+    """All of ``--soak``'s sixty are in docs/how-to/quadruped.md."""
+    count = 60 if request.config.getoption("--soak") else 3
+    assert [turn for turn in orientations(count) if tries_needed(any_dog, turn, most=5) is None] == []
 
 
 def test_tuning_heeds_the_monitor_and_the_limits_of_reality(dog):

@@ -54,6 +54,7 @@ def test_the_gait_walk_is_slow_and_keeps_three_feet_on_the_ground(walker):
     assert walker.fault == ""
 
 
+@pytest.mark.combinations
 @pytest.mark.parametrize("gait", ["trot", "walk"])
 def test_no_sequence_of_allowed_velocities_makes_it_fall(walker, gait):
     tilt = wander(walker, gait, random.Random(gait), seconds=40.0)
@@ -77,6 +78,7 @@ def test_five_percent_of_lost_frames_do_not_make_it_fall(walker):
     assert (walker.mode, walker.fault) == (Mode.WALKING, "")
 
 
+@pytest.mark.combinations
 @pytest.mark.parametrize("twist", [Twist(-0.3), Twist(0.4, 0.0, 0.5)])
 def test_it_stays_up_on_ice_and_with_late_frames(any_dog, twist):
     rig = Rig(any_dog, MujocoWorld(any_dog, friction=0.4))
@@ -87,6 +89,7 @@ def test_it_stays_up_on_ice_and_with_late_frames(any_dog, twist):
     assert math.degrees(rig.tilt) < 8
 
 
+@pytest.mark.combinations
 @pytest.mark.parametrize("twist", [Twist(0.5), Twist(0.8, 0.0, 1.0)])
 @pytest.mark.parametrize("phase", [0.0, 0.1, 0.2, 0.3])
 def test_an_emergency_stop_lowers_it_gently(walker, phase, twist):
@@ -116,6 +119,7 @@ def test_a_push_that_throws_it_over_is_noticed(walker):
     assert walker.fault.startswith("imu: tilted")
 
 
+@pytest.mark.combinations
 @pytest.mark.parametrize(("phase", "friction"), [(0.0, 0.6), (0.1, 0.8), (0.2, 1.0), (0.3, 0.7)])
 def test_no_joint_leaves_its_limits_when_the_controller_dies_in_mid_trot(
     any_dog, phase, friction, stopped_alone

@@ -145,7 +145,7 @@ def answers(path: Path) -> bool:
 
 async def test_an_edge_that_cannot_be_built_lets_go_of_the_bus(yard, monkeypatch):
     place = yard(rex=HERE)
-    monkeypatch.setattr("fleet.host.edge.edge.Edge._bridge", lambda *_: 1 / 0)
+    monkeypatch.setattr("fleet.host.edge.edge.bridge_of", lambda *_, **_more: 1 / 0)
     with pytest.raises(ZeroDivisionError):
         place.edge()
     with pytest.raises(BusError):

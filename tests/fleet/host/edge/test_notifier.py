@@ -81,6 +81,24 @@ def test_a_stop_reaches_a_webhook_as_json(hook):
     assert got["time"] == "1970-01-01T00:16:40.000+00:00"
 
 
+def test_other_targets_are_told_from_then_on_and_those_that_stay_go_on(hook):
+    other = Hook()
+    first, second = NotifyConfig(url=hook.url), NotifyConfig(url=other.url)
+    notifier = Notifier([first], "yard-1", ManualClock())
+    notifier.take("rex", STOP)
+    notifier.use([NotifyConfig(url=hook.url), second])
+    (kept, added) = notifier._targets
+    notifier.take("max", STOP)
+    notifier.use([second])
+    assert notifier._targets == [added]
+    kept.join()
+    notifier.take("ada", STOP)
+    notifier.close()
+    other.close()
+    assert [got["robot"] for got in hook.got] == ["rex", "max"], "what waits is sent"
+    assert [got["robot"] for got in other.got] == ["max", "ada"]
+
+
 def test_a_program_gets_it_on_its_stdin(tmp_path):
     script = f"import sys; open({str(tmp_path / 'got')!r}, 'wb').write(sys.stdin.buffer.read())"
     notifier = Notifier(

@@ -22,7 +22,7 @@ async def asked_as(yard, run_edge, asks):
     place.change(missions={"patrol": PATROL}, schedules={"dawn": {"mission": "patrol", "every": 3600.0}})
     edge = place.edge()
     edge.bus.consoles = frozenset({"desk"})
-    edge.process._consoles._proven = edge.bus.consoles
+    edge.process._endpoints._consoles._proven = edge.bus.consoles
 
     async with run_edge(edge):
         await asks.until(lambda: all(state.health == "ok" for state in edge.states()))

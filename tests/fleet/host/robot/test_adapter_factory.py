@@ -151,3 +151,13 @@ def test_a_robot_flies_the_plans_of_its_autopilot_and_kind_once_these_are_known(
     assert can.on("an unknown autopilot", "vtol_tiltrotor").plans == every, "it flies no plans at all"
     simulated = configured(capabilities(MavlinkAdapter), mavlink("sim:ardupilot?vehicle=rover"))
     assert simulated.plans == {"ardupilot", "rover"}
+
+
+def test_a_body_that_cannot_be_told_is_not_drawn_and_is_told_in_the_log(caplog):
+    class Broken(Config):
+        def body_parts(self):
+            raise SystemExit("its file is gone")
+
+    found = configured(capabilities(Brainy), Broken(**CONFIG.model_dump()))
+    assert found.body == configured(capabilities(Brainy), CONFIG).body == ()
+    assert "robot cannot be drawn" in caplog.text

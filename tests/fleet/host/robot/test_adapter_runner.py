@@ -79,6 +79,7 @@ class Stage:
             lost_authority=self.bench.controller.authority_lost,
             latched=lambda: False,
             lacking={},
+            circled=self.bench.controller.guard.circles,
             failed=runner.crashed,
             supervised=SupervisorClient(),
         )

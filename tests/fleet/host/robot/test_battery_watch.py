@@ -58,13 +58,13 @@ def test_the_policy_of_a_robot_that_says_none_of_it_leaves_room_for_the_way_home
 async def test_a_forced_action_is_told_with_its_cause_until_the_battery_was_charged(make_bench, asks):
     bench = make_bench(battery_policy={**POLICY, "action": "land"})
     bench.ask(asks.setpoint(1.0))
-    assert bench.controller.guard.forced == ""
+    assert bench.controller.guard.cause == ""
     bench.has(15.0)
     await asks.settle()
     bench.has(12.0)
-    assert bench.controller.guard.forced == "land by battery_policy: the battery was at 15 %"
+    assert bench.controller.guard.cause == "land by battery_policy: the battery was at 15 %"
     bench.has(90.0)
-    assert bench.controller.guard.forced == ""
+    assert bench.controller.guard.cause == ""
 
 
 async def test_a_forced_action_that_failed_says_why(make_bench, asks):
@@ -73,8 +73,7 @@ async def test_a_forced_action_that_failed_says_why(make_bench, asks):
     bench.has(15.0)
     await asks.settle()
     assert (
-        bench.controller.guard.forced
-        == "return_to_home by battery_policy failed: rex has no 'return_to_home'"
+        bench.controller.guard.cause == "return_to_home by battery_policy failed: rex has no 'return_to_home'"
     )
 
 

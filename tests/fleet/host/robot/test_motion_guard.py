@@ -7,7 +7,7 @@ from fleet.model.command import ReplyStatus
 from fleet.model.geodesy import GeoPoint
 from fleet.model.geometry import ZERO_VELOCITY, Vector3, quaternion_from_yaw
 from fleet.model.navigation import Control, FollowPath, Goal, GoTo, Navigate, RelativeMove
-from fleet.model.report import FlightControllerReport
+from fleet.model.report import BatteryReport, FlightControllerReport
 
 YARD = [(-20.0, -20.0), (20.0, -20.0), (20.0, 20.0), (-20.0, 20.0)]
 FENCE = {"inclusion": [YARD]}
@@ -182,3 +182,26 @@ async def test_a_paused_goal_is_gone_on_with_only_where_it_might_begin(
     (answer,) = bench.ask(Navigate(Control.RESUME, "", asks.goal().origin))
     assert answer.ok is not bool(refusal)
     assert refusal in answer.reason
+
+
+async def test_a_goal_of_what_circles_must_lie_so_far_within_the_fence(make_bench, asks):
+    bench = make_bench(fence=FENCE)
+    bench.stands()
+    bench.controller.guard.circles(15.0)
+    near = bench.ask(goal(asks, GoTo(Goal(Vector3(10, 0, 0)))))[0]
+    assert near.reason == "goal 1 is 10 m from the fence, and it circles 15 m about it"
+    assert bench.ask(goal(asks, GoTo(Goal(Vector3(4, 0, 0)))))[0].ok
+    bench.controller.guard.circles(0.0)
+    assert bench.ask(goal(asks, GoTo(Goal(Vector3(10, 0, 0)))))[0].ok
+
+
+async def test_the_reserve_counts_a_circle_over_home(make_bench, asks):
+    bench = make_bench(battery_policy=POLICY, limits={"speed": 1.0})
+    bench.stands()
+    bench.controller.guard.see(BatteryReport(0.0, percent=60.0))
+    far = goal(asks, GoTo(Goal(Vector3(15, 0, 0))))
+    bench.controller.guard.circles(5.0)
+    refused = bench.ask(far)[0]
+    assert "the way there and home takes 61 % and 20 % must be left" in refused.reason
+    bench.controller.guard.circles(0.0)
+    assert bench.ask(far)[0].ok

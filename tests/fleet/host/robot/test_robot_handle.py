@@ -35,6 +35,7 @@ class Heard:
             lost_authority=self.all.append,
             latched=lambda: self.latched,
             lacking=self.lacking,
+            circled=self.all.append,
             failed=self.all.append,
             supervised=supervised or SupervisorClient(),
         )
@@ -177,3 +178,12 @@ async def test_what_a_robot_lacks_is_what_its_adapter_said_last():
     heard.handle.close()
     heard.handle.lacks({})
     assert heard.lacking == {"land": "it has a hull"}
+
+
+async def test_the_circle_of_what_cannot_stand_is_passed_on_and_no_other_number():
+    heard = Heard()
+    heard.handle.circles(95.0)
+    assert heard.all[-1] == 95.0
+    for radius in (-1.0, float("nan"), float("inf")):
+        with pytest.raises(ValueError, match="no radius"):
+            heard.handle.circles(radius)

@@ -12,6 +12,7 @@ from fleet.host.robot.battery_watch import BATTERY
 from fleet.model.command import Command
 from fleet.model.geometry import Velocity, rotate_to_world
 from fleet.model.navigation import Progress
+from fleet.model.report import FlightControllerReport
 from fleet.testing.clock import JumpingLoop
 from tests.fleet.host.field import STEP, Field, Flyer, Walker
 
@@ -377,3 +378,22 @@ def test_asking_whether_a_landing_would_be_taken_tells_of_none():
         return told
 
     assert in_field(DRONES, work) == []
+
+
+def test_what_circles_takes_up_its_circle_and_on_the_ground_nothing_of_it():
+    starts = {"drone-1": (Flyer, (0.0, 0.0, 0.0)), "drone-2": (Flyer, (0.0, 60.0, 0.0))}
+
+    async def work(field):
+        guard = field.robots["drone-2"].controller.guard
+        guard.circles(20.0)
+        parked = field.send("drone-1", 0, 30, 5)
+        await asyncio.sleep(20)
+        guard.see(FlightControllerReport(0.0, armed=True, mode="", failsafe=False))
+        near = field.send("drone-1", 0, 40, 5)
+        goal = field.send("drone-2", 0, 50, 5)
+        return parked, near, goal
+
+    parked, near, goal = in_field(starts, work)
+    assert parked[0].ok
+    assert "43.2 m are kept" in near[0].reason, "both radii, and twice the circle"
+    assert "23.2 m are kept" in goal[0].reason, "both radii, and the circle about its goal"

@@ -77,3 +77,16 @@ def test_the_noise_of_a_position_is_no_breach():
     assert FENCE.breach(Vector3(0, 0, 31.5), HOME) != ""
     assert FENCE.breach(Vector3(50.4, 0, 5), Vector3(20, 0, 0)) == ""
     assert FENCE.breach(Vector3(52.0, 0, 5), Vector3(20, 0, 0)) == "outside the fence"
+
+
+def test_a_goal_that_is_circled_must_keep_its_circle_from_every_border():
+    field = Fence(
+        (((-400.0, -400.0), (400.0, -400.0), (400.0, 400.0), (-400.0, 400.0)),), (POND,), distance=350.0
+    )
+    here = Vector3(0, 200, 40)
+    assert field.way_trouble(here, [Vector3(0, 240, 40)], HOME, [95.0]) == ""
+    near = "goal 1 is 60 m from the fence, and it circles 95 m about it"
+    assert field.way_trouble(here, [Vector3(-290, 0, 40)], HOME, [95.0]) == near
+    assert "from the fence" in field.way_trouble(here, [Vector3(60, 0, 40)], HOME, [95.0]), "the pond"
+    passed = [Vector3(-290, 0, 40), Vector3(0, 240, 40)]
+    assert field.way_trouble(here, passed, HOME, [0.0, 95.0]) == ""

@@ -59,6 +59,7 @@ async def test_frames_cross_both_ways_as_they_are(url, other, hearing, frame):
     await link.close()
 
 
+@pytest.mark.waits
 async def test_can_fd_crosses_between_processes__by_udp(hearing):
     url = "can:udp_multicast:239.74.163.7?port=43871&data_bitrate=5000000"
     one, other = hearing(), hearing()

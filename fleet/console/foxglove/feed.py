@@ -1,0 +1,128 @@
+"""The live view of a console: hears the buses while somebody views, and serves the viewers.
+
+A robot's reports are published only while somebody listens, so nothing is subscribed to for nobody. The
+bytes on the links and the history of the edges are not part of it.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import logging
+import secrets
+import threading
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from functools import partial
+
+from starlette.websockets import WebSocket
+
+from fleet.bus.bus import Bus
+from fleet.clock import Clock
+from fleet.console.foxglove.channels import Channels, Sample
+from fleet.console.foxglove.protocol import PROTOCOLS
+from fleet.console.foxglove.tokens import Tokens
+from fleet.console.foxglove.viewer import Viewer
+from fleet.record.sources import REPORTS, asked_first, published
+
+log = logging.getLogger(__name__)
+
+MOST_VIEWERS = 8
+LOOK = 0.25  # s between looks at which edges are joined
+ANSWER_WITHIN = 2.0  # s for the first states
+TRY_AGAIN_LATER = 1013  # close code: overloaded
+
+
+class _Heard:
+    """A bus that is heard, and what ends that."""
+
+    def __init__(self, bus: Bus) -> None:
+        self.bus = bus
+        self.ends: list[Callable[[], None]] = []
+
+    def end(self) -> None:
+        """Hear it no more; blocks."""
+        for end in self.ends:
+            end()
+
+
+class Feed:
+    """``joined`` are the buses by edge, as they are joined; ``tokens`` open the view."""
+
+    def __init__(self, joined: Mapping[str, Bus], clock: Clock) -> None:
+        self.tokens = Tokens(clock)
+        self._joined = joined
+        self._clock = clock
+        self._session = secrets.token_hex(8)
+        self._channels = Channels()
+        self._viewers: dict[Viewer, str] = {}  # with their tokens
+        self._wanted: frozenset[int] = frozenset()
+        self._lock = threading.Lock()
+        self._hearing: asyncio.Task[None] | None = None
+
+    async def serve(self, socket: WebSocket, token: str) -> None:
+        """Serve a WebSocket to who shows a good token, until it is closed."""
+        spoken = [each for each in PROTOCOLS if each in socket.scope["subprotocols"]]
+        if not spoken or not self.tokens.renew(token):
+            await socket.close()
+            return
+        await socket.accept(spoken[0])
+        if len(self._viewers) >= MOST_VIEWERS:
+            await socket.close(TRY_AGAIN_LATER, f"{MOST_VIEWERS} viewers are connected already; close one")
+            return
+        viewer = Viewer(socket, self._channels, self._clock, self._count_wanted)
+        self._viewers[viewer] = token
+        if self._hearing is None:
+            self._hearing = asyncio.create_task(self._hear(), name="foxglove:hear")
+        try:
+            await viewer.run(self._session)
+        finally:
+            del self._viewers[viewer]
+            self._count_wanted()
+
+    def _count_wanted(self) -> None:
+        """Know which channels anybody wants."""
+        self._wanted = frozenset(channel for each in self._viewers for channel in each.wanted)
+
+    async def _hear(self) -> None:
+        """Hear the buses that are joined until nobody views."""
+        heard: dict[str, _Heard] = {}
+        loop = asyncio.get_running_loop()
+        try:
+            while self._viewers:
+                for edge, bus in self._joined.items():
+                    if edge not in heard or heard[edge].bus is not bus:
+                        heard[edge] = _Heard(bus)
+                        await asyncio.to_thread(self._begin, edge, heard[edge], loop)
+                for token in self._viewers.values():
+                    self.tokens.renew(token)
+                await asyncio.sleep(LOOK)
+        except Exception:
+            log.exception("the live view for Foxglove hears nothing more until it is opened again")
+        finally:
+            self._hearing = None
+            live = [each for edge, each in heard.items() if self._joined.get(edge) is each.bus]
+            await asyncio.gather(*(asyncio.to_thread(each.end) for each in live), return_exceptions=True)
+
+    def _begin(self, edge: str, heard: _Heard, loop: asyncio.AbstractEventLoop) -> None:
+        """Hear the bus of an edge, and ask for what is published rarely; blocks."""
+        take = partial(self._take, edge, loop)
+        control = heard.bus.control
+        for key in asked_first(edge):
+            take(control.ask(key, b"", timeout=ANSWER_WITHIN))
+        for key in published(edge):
+            heard.ends.append(control.subscribe(key, lambda key, payload: take([(key, payload)])))
+        heard.ends.append(heard.bus.reports.gather(REPORTS, take))
+
+    def _take(self, edge: str, loop: asyncio.AbstractEventLoop, samples: Iterable[tuple[str, bytes]]) -> None:
+        """Take what arrived on the bus of an edge; on the bus's threads."""
+        received = round(self._clock.time() * 1e9)
+        with self._lock:
+            found = self._channels.take(edge, samples, received, self._wanted)
+        if found:
+            with contextlib.suppress(RuntimeError):  # the loop has ended
+                loop.call_soon_threadsafe(self._offer, found)
+
+    def _offer(self, samples: Sequence[Sample]) -> None:
+        """Give samples to the viewers."""
+        for viewer in self._viewers:
+            viewer.offer(samples)

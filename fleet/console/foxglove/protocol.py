@@ -1,0 +1,111 @@
+"""Messages of the Foxglove WebSocket protocol, as far as a read-only server needs them; pure.
+
+Source: the specification in https://github.com/foxglove/ws-protocol. The protocol of Foxglove's SDK is the
+same under a newer name.
+"""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Iterable
+from typing import Annotated
+
+import msgspec
+
+from fleet.errors import WireError
+from fleet.record.schemas import schema_of
+from fleet.runtime.decoding import decode_json
+from fleet.version import __version__
+
+PROTOCOLS = ("foxglove.sdk.v1", "foxglove.websocket.v1")
+"""Names of the protocol in the handshake, the newest first."""
+MOST_AT_ONCE = 1000  # subscriptions in one message
+_MESSAGE = 0x01  # opcode
+_HEAD = struct.Struct("<BIQ")  # opcode, subscription, received (Unix ns)
+_WARNING = 1
+_encode = msgspec.json.Encoder().encode
+
+Number = Annotated[int, msgspec.Meta(ge=0, le=2**32 - 1)]
+
+
+class Channel(msgspec.Struct, frozen=True):
+    """A topic with its schema; ``number`` is its identity for clients."""
+
+    number: int
+    topic: str
+    schema: str
+
+
+class Subscription(msgspec.Struct, frozen=True, rename="camel"):
+    """The wish to receive a channel; ``id`` is the client's number for it."""
+
+    id: Number
+    channel_id: Number
+
+
+class Subscribe(msgspec.Struct, frozen=True, rename="camel", tag_field="op", tag="subscribe"):
+    """Asks for channels."""
+
+    subscriptions: Annotated[tuple[Subscription, ...], msgspec.Meta(max_length=MOST_AT_ONCE)]
+
+
+class Unsubscribe(msgspec.Struct, frozen=True, rename="camel", tag_field="op", tag="unsubscribe"):
+    """Ends subscriptions."""
+
+    subscription_ids: Annotated[tuple[Number, ...], msgspec.Meta(max_length=MOST_AT_ONCE)]
+
+
+class _Op(msgspec.Struct, frozen=True):
+    """The kind of a message."""
+
+    op: str
+
+
+Asked = Subscribe | Unsubscribe
+
+
+def read_asked(message: str | bytes) -> Asked:
+    """Decode a message of a client; raises WireError, also for what a read-only view does not take."""
+    if isinstance(message, bytes):
+        raise WireError("this view is read-only: it takes no data")
+    data = message.encode(errors="replace")
+    try:
+        kind = decode_json(data, _Op).op
+        if kind not in {"subscribe", "unsubscribe"}:
+            raise WireError(f"this view is read-only: {kind[:40]} is not taken")
+        found: Asked = decode_json(data, Asked)  # type: ignore[arg-type]
+    except msgspec.DecodeError as error:
+        raise WireError(f"it cannot be read: {error}") from None
+    return found
+
+
+def server_info(session: str) -> str:
+    """Return what a client is told first: nothing but channels is offered."""
+    told = {"op": "serverInfo", "name": f"fleet {__version__}", "capabilities": [], "sessionId": session}
+    return _encode(told).decode()
+
+
+def advertisement(channels: Iterable[Channel]) -> str:
+    """Return the message that offers channels."""
+    offered = [
+        {
+            "id": each.number,
+            "topic": each.topic,
+            "encoding": "json",
+            "schemaName": each.schema,
+            "schema": schema_of(each.schema).decode(),
+            "schemaEncoding": "jsonschema",
+        }
+        for each in channels
+    ]
+    return _encode({"op": "advertise", "channels": offered}).decode()
+
+
+def warning(text: str) -> str:
+    """Return a message that a client shows to its user."""
+    return _encode({"op": "status", "level": _WARNING, "message": text}).decode()
+
+
+def message_data(subscription: int, received: int, payload: bytes) -> bytes:
+    """Return a message on a subscription; ``received`` in Unix ns."""
+    return _HEAD.pack(_MESSAGE, subscription, received) + payload

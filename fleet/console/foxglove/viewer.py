@@ -1,0 +1,138 @@
+"""One viewer: a WebSocket that is offered channels and sent what it has subscribed to, and sends nothing."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Callable, Iterable
+
+from starlette.websockets import WebSocket, WebSocketDisconnect
+
+from fleet.clock import Clock
+from fleet.console.foxglove.backlog import Backlog
+from fleet.console.foxglove.channels import Channels, Sample
+from fleet.console.foxglove.protocol import (
+    Asked,
+    Channel,
+    Subscribe,
+    Subscription,
+    advertisement,
+    message_data,
+    read_asked,
+    server_info,
+    warning,
+)
+from fleet.errors import WireError
+
+MOST_BAD = 16  # messages that are not taken, after which a viewer is closed
+POLICY = 1008  # close code of RFC 6455: a message that the server does not take
+TELL_EVERY = 5.0  # s between two warnings of samples that were left out
+
+
+class Viewer:
+    """Serves one WebSocket that is accepted. ``changed`` is called when its subscriptions have changed."""
+
+    def __init__(
+        self, socket: WebSocket, channels: Channels, clock: Clock, changed: Callable[[], None]
+    ) -> None:
+        self._socket = socket
+        self._channels = channels
+        self._clock = clock
+        self._changed = changed
+        self._subscriptions: dict[int, int] = {}  # of the client, by channel
+        self._backlog = Backlog()
+        self._news = asyncio.Event()
+        self._offered = 0
+        self._told = float("-inf")
+
+    @property
+    def wanted(self) -> Iterable[int]:
+        """The channels that it has subscribed to."""
+        return self._subscriptions.keys()
+
+    def offer(self, samples: Iterable[Sample]) -> None:
+        """Take samples that have arrived, and the channels that are new."""
+        now = self._clock.monotonic()
+        for sample in samples:
+            if sample.channel in self._subscriptions:
+                self._backlog.add(sample, now)
+        if self._backlog or self._offered < len(self._channels.all):
+            self._news.set()
+
+    async def run(self, session: str) -> None:
+        """Serve until either side closes."""
+        sending = asyncio.create_task(self._send(session), name="foxglove:send")
+        try:
+            await self._listen()
+        except (WebSocketDisconnect, RuntimeError):
+            pass
+        finally:
+            sending.cancel()
+            await asyncio.gather(sending, return_exceptions=True)
+
+    async def _send(self, session: str) -> None:
+        """Send what is new; what waits meanwhile is conflated."""
+        await self._socket.send_text(server_info(session))
+        await self._socket.send_text(advertisement(self._new_channels()))
+        while True:
+            await self._news.wait()
+            self._news.clear()
+            if self._offered < len(self._channels.all):
+                await self._socket.send_text(advertisement(self._new_channels()))
+            for sample in self._backlog.take():
+                subscription = self._subscriptions.get(sample.channel)
+                if subscription is not None:
+                    await self._socket.send_bytes(message_data(subscription, sample.received, sample.payload))
+            await self._tell_lost()
+
+    def _new_channels(self) -> list[Channel]:
+        """Return the channels that were not offered yet."""
+        new = self._channels.all[self._offered :]
+        self._offered += len(new)
+        return new
+
+    async def _tell_lost(self) -> None:
+        """Warn of samples that were left out, now and then."""
+        now = self._clock.monotonic()
+        if self._backlog.lost and now - self._told >= TELL_EVERY:
+            lost, self._backlog.lost, self._told = self._backlog.lost, 0, now
+            text = f"{lost} older messages were left out: this viewer reads too slowly"
+            await self._socket.send_text(warning(text))
+
+    async def _listen(self) -> None:
+        """Take what the viewer asks for."""
+        bad = 0
+        while bad < MOST_BAD:
+            message = await self._socket.receive()
+            if message["type"] == "websocket.disconnect":
+                return
+            text = message.get("text")
+            try:
+                self._take(read_asked(text if text is not None else message.get("bytes") or b""))
+            except WireError as error:
+                bad += 1
+                await self._socket.send_text(warning(str(error)))
+        await self._socket.close(POLICY)
+
+    def _take(self, asked: Asked) -> None:
+        """Begin or end subscriptions; a new one gets the newest sample at once. Raises WireError."""
+        if isinstance(asked, Subscribe):
+            for each in asked.subscriptions:
+                self._subscribe(each)
+        else:
+            ended = set(asked.subscription_ids)
+            self._subscriptions = {
+                channel: each for channel, each in self._subscriptions.items() if each not in ended
+            }
+        self._changed()
+
+    def _subscribe(self, asked: Subscription) -> None:
+        """Begin one subscription; raises WireError."""
+        if not 1 <= asked.channel_id <= len(self._channels.all):
+            raise WireError(f"there is no channel {asked.channel_id}")
+        if asked.channel_id in self._subscriptions or asked.id in self._subscriptions.values():
+            raise WireError(f"channel {asked.channel_id} or subscription {asked.id} is subscribed already")
+        self._subscriptions[asked.channel_id] = asked.id
+        newest = self._channels.newest.get(asked.channel_id)
+        if newest is not None:
+            self._backlog.add(newest, self._clock.monotonic())
+            self._news.set()

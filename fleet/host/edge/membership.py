@@ -1,0 +1,190 @@
+"""Robots that are added to a running edge, taken out of it, or go on under another name; all or none of each.
+
+What an edge keeps of its robots is in several places: missions, the bridge to the cloud, claims, stop inputs.
+``Membership`` tells all of them, and takes back what was done when one of them fails.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+from collections.abc import Callable
+
+import msgspec
+
+from fleet.bridge.bridge import Bridge
+from fleet.config.load import Loaded
+from fleet.config.schema import CloudConfig
+from fleet.host.edge.cloud_claims import CloudClaims
+from fleet.host.edge.cloud_presence import CloudPresence
+from fleet.host.edge.missions import Missions
+from fleet.host.process.component_settings import bridge_rules
+from fleet.host.process.rebuild import BACK_WITHIN, ended, seen
+from fleet.host.process.robot_process import RobotProcess, RobotSpec
+from fleet.host.process.stop_inputs import StopInputs
+from fleet.host.robot.local_robot import LocalRobot
+from fleet.host.robot.separation_keeper import go_on
+from fleet.host.safety.admission import LEAVE
+from fleet.host.workers.worker_task import Importer, robot_tasks
+from fleet.model.command import Transport
+
+log = logging.getLogger(__name__)
+
+LEAVES_WITHIN = 5.0  # s for the runs of missions to let go of a robot
+
+
+class Followers:
+    """All that has a part of its own for each robot of one edge; on the loop."""
+
+    def __init__(
+        self,
+        missions: Missions,
+        stop_inputs: StopInputs,
+        cloud_claims: CloudClaims,
+        *,
+        bridge: Bridge | None,
+        presence: CloudPresence | None,
+        cloud: CloudConfig | None,
+    ) -> None:
+        self._missions, self._stop_inputs, self._cloud_claims = missions, stop_inputs, cloud_claims
+        self._bridge, self._presence, self._cloud = bridge, presence, cloud
+
+    def join(self, robot: LocalRobot) -> None:
+        """Have one more robot, or another one of a twin; before it is run."""
+        self._stop_inputs.join(robot.name, robot.controller.latch)
+        self._missions.join(robot)
+        self._cloud_claims.join(robot.twin, robot)
+        if self._bridge is not None and self._presence is not None and self._cloud is not None:
+            rules = bridge_rules(self._cloud, [robot.config]).twins[robot.twin]
+            self._bridge.join(self._missions.plans.port(robot), rules)
+            self._bridge.uplink.own([robot.twin])
+            self._presence.leave_words()
+
+    def leave(self, robot: LocalRobot, *, replaced: bool) -> None:
+        """Have a robot no more, whose run has ended; ``replaced``: another one has joined with its twin."""
+        self._stop_inputs.leave(robot.name)
+        self._missions.leave(robot.name)
+        if replaced:
+            return
+        self._cloud_claims.leave(robot.twin)
+        if self._bridge is not None and self._presence is not None:
+            self._bridge.leave(robot.twin)
+            self._presence.leave_words()
+
+    def runs_with(self, robot: str) -> list[str]:
+        """Return the runs of missions that a robot is in."""
+        return [run.id for run in self._missions.runs.all() if run.engine.robots.needs(robot)]
+
+
+class Membership:
+    """The robots of the edge's own process; on the loop.
+
+    All methods return why nothing was changed, empty when it was done. ``stopped`` is called with each robot
+    that was built and its name of before, ahead of all that can move it: it sets the stops of meanwhile.
+    """
+
+    def __init__(
+        self, process: RobotProcess, followers: Followers, stopped: Callable[[LocalRobot, str], None]
+    ) -> None:
+        self._process, self._followers, self._stopped = process, followers, stopped
+
+    async def add(self, name: str, loaded: Loaded) -> str:
+        """Add a robot of a loaded file."""
+        try:
+            robot = await self._built(name, loaded)
+        except Exception as error:  # its adapter is foreign code
+            log.exception("%s cannot be added", name)
+            return f"it cannot be built: {type(error).__name__}: {error}"
+        self._stopped(robot, "")
+        try:
+            self._followers.join(robot)
+            self._process.serve(robot)
+        except Exception as error:
+            log.exception("%s cannot be added", name)
+            self._let_go(robot)
+            return f"it cannot be added: {type(error).__name__}: {error}"
+        return ""
+
+    async def remove(self, name: str) -> str:
+        """Bring a robot to a standstill and take it out."""
+        robot = self._process.robots[name]
+        trouble = await self._leaves_runs(robot) or await ended(self._process, robot)
+        if trouble:
+            self._process.runs.resume(robot)
+            return trouble
+        self._let_go(robot)
+        return ""
+
+    async def rename(self, before: str, name: str, old: Loaded, new: Loaded) -> str:
+        """Have a robot go on under a new name, with its stop; one that answered must answer again."""
+        robot = self._process.robots[before]
+        answered = not robot.controller.offline
+        trouble = await self._leaves_runs(robot) or await self._replaced(robot, name, new)
+        if trouble or not answered:
+            return trouble
+        renamed = self._process.robots[name]
+        if await seen(lambda: not renamed.controller.offline, BACK_WITHIN):
+            return ""
+        cause = renamed.state().cause
+        trouble = f"it did not answer within {BACK_WITHIN:g} s: {cause}"
+        again = await self._replaced(renamed, before, old)
+        return trouble + (f"; {again}" if again else "")
+
+    async def _built(self, name: str, loaded: Loaded) -> LocalRobot:
+        """Build a robot of a loaded file; raises whatever its adapter raises."""
+        spec = await asyncio.to_thread(_spec_of, loaded, name)
+        journal = await asyncio.to_thread(self._process.journal.robot, name)
+        try:
+            return self._process.add(spec, journal)
+        except Exception:
+            if left := self._process.robots.get(name):
+                self._process.drop(left)
+            raise
+
+    async def _replaced(self, robot: LocalRobot, name: str, loaded: Loaded) -> str:
+        """Run a robot of a loaded file in the place of one that has the same twin."""
+        try:
+            replacement = await self._built(name, loaded)
+        except Exception as error:  # its adapter is foreign code
+            log.exception("%s cannot be built", name)
+            return f"it cannot be built: {type(error).__name__}: {error}"
+        trouble = await ended(self._process, robot)
+        if trouble:
+            self._process.drop(replacement)
+            self._process.runs.resume(robot)
+            return trouble
+        self._stopped(replacement, robot.name)
+        if why := robot.controller.latch.why:
+            replacement.controller.latch.engage(why)
+            replacement.controller.latch.record()
+        apart, was = replacement.controller.guard.apart, robot.controller.guard.apart
+        if apart is not None and was is not None:
+            go_on(apart, was)
+        self._followers.join(replacement)
+        self._followers.leave(robot, replaced=True)
+        self._process.drop(robot)
+        self._process.serve(replacement)
+        return ""
+
+    def _let_go(self, robot: LocalRobot) -> None:
+        """Forget a robot everywhere."""
+        self._followers.leave(robot, replaced=False)
+        self._process.drop(robot)
+        self._process.give_up(robot.twin)
+
+    async def _leaves_runs(self, robot: LocalRobot) -> str:
+        """Take a robot out of the runs of missions; return which does not let go of it."""
+        for run in self._followers.runs_with(robot.name):
+            message = {"command": LEAVE, "data": {"run": run}, "session_id": "fleet apply"}
+            take = robot.read("command", msgspec.json.encode(message), way=Transport.MISSION)
+            if take is not None:
+                take(lambda _reply: None)
+        if await seen(lambda: not self._followers.runs_with(robot.name), LEAVES_WITHIN):
+            return ""
+        return f"run {', '.join(self._followers.runs_with(robot.name))} goes by it: abort that first"
+
+
+def _spec_of(loaded: Loaded, name: str) -> RobotSpec:
+    """Return a robot of a loaded file that runs in the edge's process, its adapter imported; blocks."""
+    task = next(task for task in robot_tasks(loaded, "") if task.name == name)
+    return Importer(loaded.folder, loaded.registry).spec(task)

@@ -1,0 +1,61 @@
+"""What is reported of the robots of an edge on the bus, for the runs of its missions."""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Callable
+from functools import partial
+
+from fleet.bus.zenoh_session import ZenohSession
+from fleet.errors import WireError
+from fleet.model.event import EventReport
+from fleet.model.report import NavigationReport, PhotoReport
+from fleet.wire.published import object_in
+from fleet.wire.strict import text
+from fleet.wire.topics import data_key
+
+CHANNELS = (EventReport.channel, NavigationReport.channel, PhotoReport.channel)
+
+
+class RobotReports:
+    """Events that programs publish, and what the robots of workers report of their goals and pictures.
+
+    ``event`` takes the name of a robot and the kind of an event, ``goal`` a report of an action; ``pictures``
+    returns what takes those of a twin. All of them on the bus's threads.
+    """
+
+    def __init__(
+        self,
+        event: Callable[[str, str], None],
+        goal: Callable[[bytes], None],
+        pictures: Callable[[str], Callable[[bytes], None]],
+    ) -> None:
+        self._event, self._goal, self._pictures = event, goal, pictures
+        self._calls: dict[str, dict[str, Callable[[bytes], None]]] = {channel: {} for channel in CHANNELS}
+
+    def listen(self, reports: ZenohSession) -> None:
+        """Begin to take what is reported, of robots that join later too."""
+        for channel, calls in self._calls.items():
+            reports.subscribe_many(f"cw/*/data/{channel}", calls)
+
+    def join(self, robot: str, twin: str, *, elsewhere: bool) -> None:
+        """Take what is reported of a robot, in place of another one of its twin; one in a worker: all."""
+        self.leave(twin)
+        self._take(twin, EventReport.channel, partial(self._published, robot))
+        if elsewhere:
+            self._take(twin, NavigationReport.channel, self._goal)
+            self._take(twin, PhotoReport.channel, self._pictures(twin))
+
+    def leave(self, twin: str) -> None:
+        """Take nothing more of a twin."""
+        for channel, calls in self._calls.items():
+            calls.pop(data_key(twin, channel), None)
+
+    def _take(self, twin: str, channel: str, call: Callable[[bytes], None]) -> None:
+        """Have a channel of a twin taken."""
+        self._calls[channel][data_key(twin, channel)] = call
+
+    def _published(self, robot: str, sample: bytes) -> None:
+        """Take an event that a program publishes."""
+        with contextlib.suppress(WireError):
+            self._event(robot, text(object_in(sample, EventReport.channel), "event_type"))

@@ -1,0 +1,204 @@
+"""Stops of a VTOL while it goes over to its wings, and before it has told how it flies."""
+
+import asyncio
+
+import pytest
+
+from fleet import GeoPoint, Goal, GoTo, Refused, Vector3
+from fleet_mavlink.ardupilot_plane import arduplane_of
+from fleet_mavlink.constants import Cmd
+from fleet_mavlink.messages import Heartbeat
+from fleet_mavlink.px4_plane import px4_plane_of
+from fleet_mavlink.sim.wire import Wire
+from fleet_mavlink.state import VehicleState
+
+TO_FORWARD, TO_HOVER, HOVERS, FORWARD = 1, 2, 3, 4  # MAV_VTOL_STATE
+NUMBERS = {"AUTO": 10, "LOITER": 12, "GUIDED": 15, "QLOITER": 19}
+HEIGHT = 40.0  # m
+HERE = GeoPoint(47.397742, 8.545594, 528.0)
+EAST = Vector3(0.0, 8.0, 0.0)  # m/s, NED
+flavours = pytest.mark.parametrize("flavour", ["ardupilot", "px4"])
+
+
+async def hovering(it):
+    """Meet a VTOL, set it up, and take it to its height."""
+    await it.met()
+    if "ardupilot" in it.sim.flavour:
+        await it.until(lambda: "Q_GUIDED_MODE" in it.state.settings)
+        await it.do("set_parameter", name="Q_GUIDED_MODE", value=1)
+        await it.until(lambda: "takeoff" not in it.robot.lacking)
+    await it.until(lambda: "WP_LOITER_RAD" in it.state.settings or "NAV_LOITER_RAD" in it.state.settings)
+    await it.do("takeoff", altitude=HEIGHT)
+    return it
+
+
+async def goes_over(it):
+    """Begin a transition; return the command that waits for its end."""
+    going = asyncio.ensure_future(it.do("transition", to="forward"))
+    await it.until(lambda: it.sim.pilot.vtol_state() == TO_FORWARD)
+    await it.until(lambda: it.speed > 4.0)
+    return going
+
+
+async def stands(it):
+    """See it stand in its hover, and go on standing there; return how long it took."""
+    seconds = await it.until(lambda: it.speed < 0.5, 20.0)
+    for _ in range(200):
+        assert it.sim.pilot.vtol_state() in {TO_HOVER, HOVERS}
+        await asyncio.sleep(0.05)
+    assert it.speed < 0.5
+    return seconds
+
+
+@flavours
+@pytest.mark.parametrize("reason", ["stop", "hover", "emergency_stop"])
+def test_a_stop_breaks_a_transition_off_and_the_vtol_hovers(fly, sky, flavour, reason):
+    async def main():
+        async with sky(flavour, vehicle="vtol", limits={"speed": 30.0}) as it:
+            going = await goes_over(await hovering(it))
+            height = it.height
+            await it.adapter.stop(reason)
+            with pytest.raises(Refused):
+                await going
+            await stands(it)
+            assert it.height == pytest.approx(height, abs=3.0)
+            assert it.robot.losses == []
+
+    fly(main())
+
+
+@flavours
+def test_a_halt_from_another_thread_breaks_a_transition_off(fly, sky, flavour):
+    async def main():
+        async with sky(flavour, vehicle="vtol", limits={"speed": 30.0}) as it:
+            going = await goes_over(await hovering(it))
+            await asyncio.to_thread(it.adapter.emergency_halt)
+            await stands(it)
+            with pytest.raises(Refused):
+                await going
+
+    fly(main())
+
+
+def test_a_stop_on_the_way_to_a_far_goal_breaks_its_transition_off(fly, sky):
+    async def main():
+        async with sky("ardupilot", vehicle="vtol", limits={"speed": 30.0}) as it:
+            await hovering(it)
+            task = GoTo(Goal(position=Vector3(0.0, 900.0, HEIGHT)))
+            going = asyncio.ensure_future(anext(aiter(it.adapter.navigate(task))))
+            await it.until(lambda: it.sim.pilot.vtol_state() == TO_FORWARD)
+            await it.until(lambda: it.speed > 4.0)
+            await it.adapter.stop("stop")
+            await stands(it)
+            going.cancel()
+
+    fly(main())
+
+
+def test_a_transition_that_does_not_end_fails_the_stop(fly, sky):
+    async def main():
+        async with sky("px4", vehicle="vtol", limits={"speed": 30.0}) as it:
+            going = await goes_over(await hovering(it))
+            it.sim.pilot.commands = {
+                **it.sim.pilot.commands,
+                Cmd.DO_VTOL_TRANSITION: lambda _pilot, _ask: 4,
+            }
+            with pytest.raises(Exception, match="not seen to hover again"):
+                await it.adapter.stop("emergency_stop")
+            going.cancel()
+
+    fly(main())
+
+
+@flavours
+def test_a_stop_on_its_wings_leaves_it_there(fly, sky, flavour):
+    async def main():
+        async with sky(flavour, vehicle="vtol", limits={"speed": 30.0}) as it:
+            await hovering(it)
+            await it.do("transition", to="forward")
+            await it.adapter.stop("emergency_stop")
+            await asyncio.sleep(10.0)
+            assert it.sim.pilot.vtol_state() == FORWARD
+
+    fly(main())
+
+
+@flavours
+def test_the_first_stop_after_a_reconnect_leaves_a_hovering_vtol_hovering(fly, sky, flavour):
+    async def main():
+        async with sky(flavour, vehicle="vtol", limits={"speed": 30.0}) as before:
+            await hovering(before)
+        async with sky(flavour, vehicle="vtol", limits={"speed": 30.0}) as it:
+            it.sim, it.wire = before.sim, Wire(before.sim, ())
+            it._origin -= before.sim.time
+            await it.until(lambda: it.robot.is_connected)
+            await it.until(lambda: it.state.heartbeat is not None)
+            assert flavour == "px4" or it.state.vtol_state is None
+            await it.adapter.stop("stop")
+            await stands(it)
+
+    fly(main())
+
+
+def test_a_silence_makes_unknown_how_a_vtol_flies(fly, sky):
+    async def main():
+        async with sky("ardupilot", vehicle="vtol", limits={"speed": 30.0}) as it:
+            await hovering(it)
+            it.radio = False
+            await asyncio.sleep(5.0)
+            it.radio = True
+            await it.until(lambda: it.state.heartbeat_at > it.robot.clock.monotonic() - 1.0)
+            assert it.state.vtol_state is None
+            await it.until(lambda: it.state.vtol_state == HOVERS, 3.0)
+
+    fly(main())
+
+
+def seen(mode, vtol=None, *, here=True, **settings):
+    """Return the state of an armed ArduPlane in a mode."""
+    return VehicleState(
+        heartbeat=Heartbeat(1, 3, 0x80, NUMBERS[mode], 4),
+        heartbeat_at=10.0,
+        vtol_state=vtol,
+        position=HERE if here else None,
+        position_at=10.0,
+        velocity=EAST,
+        settings=settings,
+    )
+
+
+def orders(state):
+    """Return what is sent by the best stop: the command, and the mode or the place."""
+    return [
+        (Cmd(ask.command).name, ask.param2 if ask.command == Cmd.DO_SET_MODE else round(ask.z))
+        for ask in arduplane_of(state).holding(state).asks
+    ]
+
+
+@pytest.mark.parametrize(
+    ("state", "sent"),
+    [
+        (seen("LOITER"), [("DO_SET_MODE", 15.0)]),
+        (seen("AUTO", here=False), [("DO_SET_MODE", 15.0)]),
+        (seen("GUIDED"), [("DO_REPOSITION", 528)]),
+        (seen("GUIDED", here=False), [("DO_SET_MODE", 12.0), ("DO_SET_MODE", 15.0)]),
+        (seen("QLOITER"), [("DO_SET_MODE", 20.0)]),
+        (seen("QLOITER", Q_GUIDED_MODE=1.0), [("DO_SET_MODE", 15.0)]),
+        (seen("GUIDED", HOVERS), [("DO_REPOSITION", 528)]),
+        (seen("QLOITER", HOVERS), [("DO_SET_MODE", 20.0)]),
+        (seen("GUIDED", HOVERS, Q_GUIDED_MODE=0.0), [("DO_SET_MODE", 20.0)]),
+        (seen("LOITER", TO_FORWARD, Q_GUIDED_MODE=1.0), [("DO_REPOSITION", 528)]),
+        (seen("LOITER", TO_FORWARD), [("DO_SET_MODE", 20.0)]),
+        (seen("GUIDED", FORWARD), [("DO_SET_MODE", 12.0)]),
+        (seen("GUIDED", 0), [("DO_SET_MODE", 12.0)]),
+    ],
+)
+def test_a_stop_of_an_arduplane_is_the_one_for_what_is_known_of_it(state, sent):
+    assert orders(state) == sent
+
+
+def test_a_px4_vtol_is_called_back_to_its_hover_first():
+    state = VehicleState(vtol_state=TO_FORWARD)
+    back, hold = px4_plane_of(22, state).holding(state).asks
+    assert (back.command, back.param1) == (Cmd.DO_VTOL_TRANSITION, 3.0)
+    assert hold.command == Cmd.DO_REPOSITION

@@ -1,0 +1,264 @@
+"""Robots are added to a running edge, taken out of it and renamed; the others never notice."""
+
+import asyncio
+import json
+import uuid
+from types import SimpleNamespace
+
+import pytest
+
+from fleet.bus import keys
+from fleet.host.edge import membership
+from fleet.host.edge.member_rules import groups_hindrance
+from fleet.host.process.robot_process import RobotProcess
+from fleet.host.requests.stop_cause import local_cause
+from fleet.model.change import ChangeKind, Outcome
+from tests.fleet.host.edge.test_changes import GOTO, HERE, MISSION, RELEASE, Field, moves, running
+
+STOP_REX = b'["rex"]'
+
+
+class Yard(Field):
+    """A field whose robots come and go."""
+
+    @property
+    def robots(self):
+        return json.loads(self.place.file.read_text())["robots"]
+
+    def put(self, robots, **parts):
+        self.place.change(robots=robots, **parts)
+
+    def add(self, name, **fields):
+        entry = {
+            "name": name,
+            "twin": str(uuid.uuid4()),
+            "adapter": "toy",
+            "journal": str(self.place.journal),
+        }
+        self.put([*self.robots, entry | HERE | fields])
+
+    def remove(self, name):
+        self.put([robot for robot in self.robots if robot["name"] != name])
+
+    def rename(self, name, to, **fields):
+        self.put([robot | ({"name": to} | fields if robot["name"] == name else {}) for robot in self.robots])
+
+    async def stop(self, names=b""):
+        self.bus_session.put(keys.stop(self.place.id), names, urgent=True)
+
+    def names(self):
+        return [state.name for state in self.edge.states()]
+
+
+@pytest.fixture
+async def yard_of_two(yard, run_edge, asks):
+    async with running(yard, run_edge, asks, rex=HERE, max=HERE) as there:
+        yield Yard(there.place, there.edge, there.bus_session, asks)
+
+
+async def test_a_robot_is_added_and_obeys(yard_of_two):
+    field = yard_of_two
+    field.add("ada")
+    (planned,) = [change for change in (await field.ask()).changes if change.name == "ada"]
+    assert (planned.kind, planned.why) == (ChangeKind.ADDED, "")
+    done = await field.apply()
+    assert (done["ada"].kind, done["ada"].outcome) == (ChangeKind.ADDED, Outcome.DONE)
+    await field.until(lambda: field.state("ada").health == "ok")
+    assert (await field.say("ada", {"command": "walk"})).ok
+    assert [field.place.words(name) for name in ("rex", "max")] == [["run"], ["run"]]
+    assert (await field.ask()).same
+    tokens = await asyncio.to_thread(field.bus_session.tokens, keys.robot(field.place.id, "*"), timeout=10)
+    assert keys.robot(field.place.id, "ada") in tokens
+
+
+async def test_a_robot_that_cannot_be_built_leaves_nothing_behind(yard_of_two, monkeypatch):
+    field = yard_of_two
+    made = RobotProcess._make
+
+    def fails(process, spec, journal=None):
+        if spec.config.name == "ada":
+            raise RuntimeError("no such arm")
+        return made(process, spec, journal)
+
+    monkeypatch.setattr(RobotProcess, "_make", fails)
+    field.add("ada")
+    field.add("eva")
+    done = await field.apply()
+    assert (done["ada"].outcome, "no such arm" in done["ada"].why) == (Outcome.FAILED, True)
+    assert done["eva"].outcome is Outcome.DONE
+    assert sorted(field.names()) == ["eva", "max", "rex"]
+    monkeypatch.undo()
+    assert (await field.apply())["ada"].outcome is Outcome.DONE
+
+
+async def test_a_robot_that_fails_half_way_is_taken_back_everywhere(yard_of_two, monkeypatch):
+    field = yard_of_two
+
+    def fails(_process, _robot):
+        raise RuntimeError("no room on the bus")
+
+    monkeypatch.setattr(RobotProcess, "serve", fails)
+    field.add("ada")
+    done = (await field.apply())["ada"]
+    assert (done.outcome, "no room on the bus" in done.why) == (Outcome.FAILED, True)
+    assert sorted(field.names()) == ["max", "rex"]
+    assert "ada" not in field.edge.missions.runs.robots
+    monkeypatch.undo()
+    assert (await field.apply())["ada"].outcome is Outcome.DONE
+    await field.until(lambda: field.state("ada").health == "ok")
+
+
+async def test_a_robot_is_taken_out_and_nothing_of_it_is_left(yard_of_two):
+    field = yard_of_two
+    twin = field.edge.process.robots["max"].twin
+    field.remove("max")
+    done = (await field.apply())["max"]
+    assert (done.kind, done.outcome) == (ChangeKind.REMOVED, Outcome.DONE)
+    assert field.names() == ["rex"]
+    assert field.place.words("rex") == ["run"]
+    assert "max" not in field.edge.missions.runs.robots
+    ask = field.bus_session.tokens
+    assert await asyncio.to_thread(ask, keys.robot(field.place.id, "*"), timeout=10) == [
+        keys.robot(field.place.id, "rex")
+    ]
+    assert await asyncio.to_thread(ask, keys.claims(twin), timeout=10) == []
+    assert (await field.ask()).same
+
+
+async def test_a_robot_that_moves_is_not_taken_out_unless_forced_and_is_halted_first(yard_of_two):
+    field = yard_of_two
+    await moves(field)
+    field.remove("rex")
+    (planned,) = [change for change in (await field.ask()).changes if change.name == "rex"]
+    assert "rex is commanded" in planned.why
+    assert (await field.apply())["rex"].outcome is Outcome.REFUSED
+    assert field.place.words("rex") == ["run", "navigate"]
+    assert (await field.apply(force=True))["rex"].outcome is Outcome.DONE
+    assert {"halt", "stop"} <= set(field.place.words("rex")[2:])
+    assert field.names() == ["max"]
+
+
+async def test_a_robot_in_a_run_is_taken_out_of_the_run_first_when_forced(yard_of_two):
+    field = yard_of_two
+    field.place.change(missions={"go": MISSION | {"steps": MISSION["steps"][1:]}})
+    await field.apply()
+    run = await asyncio.to_thread(_start, field.place)
+    field.remove("rex")
+    field.place.change(missions={})
+    done = await field.apply()
+    assert (done["rex"].outcome, run in done["rex"].why) == (Outcome.REFUSED, True)
+    assert done["missions"].outcome is Outcome.REFUSED, "it names a robot that is still there"
+    done = await field.apply(force=True)
+    assert done["rex"].outcome is Outcome.DONE
+    await field.until(lambda: not field.edge.missions.runs.all())
+
+
+def _start(place):
+    from fleet.client import Fleet  # noqa: PLC0415 - by this one alone
+
+    with Fleet(place.file) as fleet:
+        return fleet.start("go").id
+
+
+async def test_a_robot_goes_on_under_another_name_with_its_stop(yard_of_two):
+    field = yard_of_two
+    await field.stop(STOP_REX)
+    await field.until(lambda: field.state("rex").emergency_stop)
+    twin = field.edge.process.robots["rex"].twin
+    field.rename("rex", "ada")
+    done = (await field.apply())["ada"]
+    assert (done.kind, done.outcome) == (ChangeKind.RENAMED, Outcome.DONE)
+    assert done.fields == ("name: rex -> ada",)
+    assert sorted(field.names()) == ["ada", "max"]
+    assert field.edge.process.robots["ada"].twin == twin
+    await field.until(lambda: field.state("ada").health == "ok")
+    assert field.state("ada").emergency_stop
+    assert (await field.say("ada", RELEASE)).ok
+    assert (await field.say("ada", {"command": "walk"})).ok
+    assert field.place.words("max") == ["run"]
+
+
+async def test_a_robot_that_does_not_answer_under_its_new_name_has_the_old_one_again(
+    yard_of_two, monkeypatch
+):
+    field = yard_of_two
+    monkeypatch.setattr(membership, "BACK_WITHIN", 0.5)
+    field.rename("rex", "ada", journal=str(field.place.file.parent / "nowhere" / "journal"))
+    done = (await field.apply())["ada"]
+    assert (done.outcome, "did not answer" in done.why) == (Outcome.FAILED, True)
+    assert sorted(field.names()) == ["max", "rex"]
+    await field.until(lambda: field.state("rex").health == "ok")
+    assert (await field.say("rex", {"command": "walk"})).ok
+
+
+async def test_a_stop_survives_that_a_robot_is_taken_out_and_added_again(yard_of_two):
+    field = yard_of_two
+    before = field.robots
+    await field.stop(STOP_REX)
+    await field.until(lambda: field.state("rex").emergency_stop)
+    field.remove("rex")
+    assert (await field.apply())["rex"].outcome is Outcome.DONE
+    field.put(before)
+    assert (await field.apply())["rex"].outcome is Outcome.DONE
+    assert field.state("rex").emergency_stop
+    assert "emergency stop is set" in (await field.say("rex", {"command": "walk"})).reason
+
+
+@pytest.mark.parametrize("names", [(), ("ada",), ("all-of-them",)])
+async def test_a_stop_while_a_robot_is_built_reaches_it(yard_of_two, monkeypatch, names):
+    field = yard_of_two
+    spec_of = membership._spec_of
+
+    def stopped_meanwhile(loaded, name):
+        field.edge.process.stop_robots(names, local_cause("", "test"))
+        return spec_of(loaded, name)
+
+    monkeypatch.setattr(membership, "_spec_of", stopped_meanwhile)
+    field.add("ada")
+    field.place.change(groups={"all-of-them": ["rex", "ada"]})
+    assert (await field.apply())["ada"].outcome is Outcome.DONE
+    assert field.state("ada").emergency_stop
+
+
+async def test_a_stop_while_a_robot_is_taken_out_is_set_when_it_is_back(yard_of_two, monkeypatch):
+    field = yard_of_two
+    before, ended = field.robots, membership.ended
+
+    async def stopped_meanwhile(process, robot):
+        trouble = await ended(process, robot)
+        process.stop_robots((), local_cause("", "test"))
+        return trouble
+
+    monkeypatch.setattr(membership, "ended", stopped_meanwhile)
+    field.remove("rex")
+    assert (await field.apply())["rex"].outcome is Outcome.DONE
+    monkeypatch.undo()
+    assert field.state("max").emergency_stop
+    field.put(before)
+    assert (await field.apply())["rex"].outcome is Outcome.DONE
+    assert field.state("rex").emergency_stop
+
+
+async def test_a_robot_that_is_driven_goes_on_while_others_come_and_go(yard_of_two):
+    field = yard_of_two
+    await moves(field, "max")
+    field.remove("rex")
+    field.add("ada")
+    field.add("eva")
+    assert {change.outcome for change in (await field.apply()).values() if change.name != "max"} == {
+        Outcome.DONE
+    }
+    assert field.place.words("max") == ["run", "navigate"]
+    assert field.edge.process.robots["max"].controller.in_motion
+    assert (await field.say("max", GOTO | {"action_id": "a2"}, "navigate")).ok
+
+
+def test_groups_that_a_stop_input_names_wait_for_the_next_start():
+    """It knows the latches that it holds from its start: a robot that joins would move without it."""
+
+    def config(*crew):
+        wall = SimpleNamespace(name="wall", robots=("crew",))
+        return SimpleNamespace(members={"crew": crew, "others": crew}, stop_inputs=(wall,))
+
+    assert groups_hindrance(config("rex"), config("rex")) == ""
+    assert "stop input wall names one" in groups_hindrance(config("rex"), config("rex", "max"))

@@ -1,0 +1,131 @@
+"""An edge that is killed in the middle of a change: its next start has the whole new file, and every stop.
+
+It runs in a process of its own, which kills itself (SIGKILL) at a named step, or is killed at any instant.
+"""
+
+import asyncio
+import json
+import random
+import signal
+import subprocess
+import sys
+import uuid
+
+import msgspec
+import pytest
+
+from fleet.bus import keys
+from fleet.config.difference import outline_of
+from fleet.config.load import load
+from fleet.host.edge.last_configuration import last_configuration
+from fleet.model.change import ChangesAsked
+from fleet.spool.state_folder import state_folder
+
+HERE = {"worker": "main"}
+STEPS = (
+    "fleet.host.edge.membership:_spec_of",
+    "fleet.host.process.robot_process:RobotProcess.add",
+    "fleet.host.edge.membership:Followers.join",
+    "fleet.host.process.robot_process:RobotProcess.serve",
+    "fleet.host.edge.membership:Followers.leave",
+    "fleet.host.process.robot_process:RobotProcess.drop",
+    "fleet.host.process.robot_process:RobotProcess.give_up",
+    "fleet.host.robot.local_robot:LocalRobot.configure",
+    "fleet.host.edge.changes:Changes._take_sections",
+    "fleet.host.edge.last_configuration:made",
+)
+"""Where the edge is killed: before a robot is built, known to stops, known to all, run, and so on."""
+EDGE = """
+import asyncio, importlib, os, pathlib, signal, sys
+from fleet.clock import SystemClock
+from fleet.config.load import load
+from fleet.host.edge.edge import Edge
+from fleet.host.requests.stop_cause import local_cause
+
+file, runtime, step = sys.argv[1:]
+
+async def main():
+    edge = Edge(load(pathlib.Path(file)), directory=pathlib.Path(runtime), clock=SystemClock())
+    running = asyncio.create_task(edge.run(asyncio.Event()))
+    while not all(state.health == "ok" for state in edge.states()):
+        await asyncio.sleep(0.05)
+    await asyncio.to_thread(edge.process.stop_robots, ("max",), local_cause("", "test"))
+    if step:
+        module, _, name = step.partition(":")
+        owner = importlib.import_module(module)
+        *path, last = name.split(".")
+        for part in path:
+            owner = getattr(owner, part)
+        setattr(owner, last, lambda *_, **__: os.kill(os.getpid(), signal.SIGKILL))
+    print("ready", flush=True)
+    await running
+
+asyncio.run(main())
+"""
+
+
+def changed(place):
+    """Change all there is: a robot more, one less, one renamed and stopped, one rebuilt, and a section."""
+    fleet = json.loads(place.file.read_text())
+    rex, *rest = [robot for robot in fleet["robots"] if robot["name"] != "gone"]
+    rest[0]["name"] = "maxine"
+    rest[1]["stands"] = True
+    rex["name"], added = "rex", rex | {"name": "ada", "twin": str(uuid.uuid4())}
+    fleet["robots"] = [rex, *rest, added]
+    fleet["groups"] = {"crew": ["rex", "ada", "maxine"]}
+    place.file.write_text(json.dumps(fleet))
+
+
+def killed(place, step, *, after=None):
+    """Run the edge until it is killed in the middle of a change."""
+    command = [sys.executable, "-c", EDGE, place.file, place.runtime, step]
+    with subprocess.Popen(list(map(str, command)), stdout=subprocess.PIPE, text=True) as edge:
+        assert edge.stdout.readline() == "ready\n"
+        changed(place)
+        session = place.bus_session()
+        asked = msgspec.json.encode(ChangesAsked("apply"))
+        ended = session.ask(keys.changes(place.id), asked, timeout=30)
+        if after is not None:
+            try:
+                edge.wait(after)
+            except subprocess.TimeoutExpired:
+                edge.kill()
+        assert edge.wait(60) == -signal.SIGKILL
+        session.close()
+        list(ended)
+
+
+async def begins_with_the_whole_new_file(place, run_edge, asks):
+    edge = place.edge()
+    folder = state_folder(place.id, edge._config.edge.spool.path)
+    async with run_edge(edge):
+        assert sorted(edge.process.robots) == ["ada", "max2", "maxine", "rex"]
+        await asks.until(lambda: all(state.health == "ok" for state in edge.states()), 30)
+        stopped = {state.name for state in edge.states() if state.emergency_stop}
+        assert stopped == {"maxine"}
+        assert edge.process.robots["max2"].config.stands
+        assert edge.state().groups == {"crew": ["rex", "ada", "maxine"]}
+    last = last_configuration(folder)
+    assert last.outline == outline_of(load(place.file)).digest(last.key.encode())
+
+
+@pytest.fixture
+def place(yard, tmp_path):
+    made = yard(rex=HERE, max=HERE, max2=HERE, gone=HERE)
+    made.change(edge={"spool": {"path": str(tmp_path / "state")}})
+    return made
+
+
+@pytest.mark.parametrize("step", STEPS, ids=lambda step: step.rpartition(":")[2])
+async def test_killed_at_a_step_the_next_start_has_the_new_file_and_every_stop(place, run_edge, asks, step):
+    await asyncio.to_thread(killed, place, step)
+    await begins_with_the_whole_new_file(place, run_edge, asks)
+
+
+@pytest.mark.parametrize("number", range(3))
+async def test_killed_at_any_instant_the_next_start_has_the_new_file_and_every_stop(
+    place, run_edge, asks, number
+):
+    instant = random.Random(number).uniform(0.0, 0.4)
+    await asyncio.to_thread(killed, place, "", after=instant)
+    await begins_with_the_whole_new_file(place, run_edge, asks)

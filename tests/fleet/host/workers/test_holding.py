@@ -1,0 +1,88 @@
+"""Stricter settings reach the robots of a worker at once; what is looser waits until they rest."""
+
+import json
+
+import msgspec
+import pytest
+
+from fleet.bus import keys
+from fleet.model.change import HeldRobot, HoldAsked, HoldRobot, Outcome
+from fleet.model.command import Reply
+from tests.fleet.host.edge.test_changes import HERE, moves, running
+
+LIMBS = {"worker": "limbs"}
+
+
+@pytest.fixture
+async def field(yard, run_edge, asks):
+    async with running(yard, run_edge, asks, arm=LIMBS, leg=LIMBS, rex=HERE) as there:
+        yield there
+
+
+async def test_what_is_stricter_reaches_a_robot_that_moves_and_its_worker_goes_on(field):
+    await moves(field, "arm")
+    field.write("arm", limits={"speed": 0.5, "yaw_rate": 9.0}, accepts={"command": []})
+    done = (await field.apply())["arm"]
+    assert (done.outcome, "arm is commanded" in done.why) == (Outcome.PARTLY, True)
+    refused = await field.say("arm", {"command": "walk", "source_type": "tele"})
+    assert "obeys nobody" in refused.reason
+    assert field.place.words("arm") == ["run", "navigate"]
+    config = field.edge.remote["arm"].config
+    assert (config.limits.speed, config.limits.yaw_rate) == (0.5, 1.0)
+    assert (await field.say("arm", {"command": "stop"})).ok
+    await field.until(lambda: field.state("arm").activity == "")
+    assert (await field.apply())["arm"].outcome is Outcome.DONE
+    assert field.edge.remote["arm"].config.limits.yaw_rate == 9.0
+    assert (await field.ask()).same
+
+
+async def test_settings_that_are_stricter_in_all_are_done_without_a_restart(field):
+    await moves(field, "arm")
+    field.write("arm", accepts={"command": [], "navigate": []})
+    assert (await field.apply())["arm"].outcome is Outcome.DONE
+    assert field.place.words("arm") == ["run", "navigate"]
+    assert (await field.ask()).same
+
+
+async def test_looser_settings_of_robots_at_rest_need_no_restart_either(field):
+    field.write("arm", accepts={"command": ["tele", "edit"]})
+    assert (await field.apply())["arm"].outcome is Outcome.DONE
+    assert field.place.words("arm") == field.place.words("leg") == ["run"]
+
+
+async def test_a_worker_that_dies_afterwards_comes_up_with_what_it_was_held_to(field):
+    await moves(field, "arm")
+    field.write("arm", limits={"yaw_rate": 9.0}, accepts={"command": ["edit"]})
+    assert (await field.apply())["arm"].outcome is Outcome.PARTLY
+    field.bus_session.put(keys.stop(field.place.id), b"", urgent=True)
+    task = json.loads(field.edge._workers["limbs"]._task)
+    (given,) = [json.loads(robot["given"]) for robot in task["robots"] if robot["name"] == "arm"]
+    assert given["accepts"]["command"] == []
+    assert given["limits"]["yaw_rate"] == 1.0
+
+
+async def test_a_stop_finds_the_robots_of_a_group_that_came_while_the_edge_runs(field):
+    field.place.change(groups={"crew": ["arm", "rex"]})
+    assert (await field.apply())["groups"].outcome is Outcome.DONE
+    assert field.edge.state().groups == {"crew": ["arm", "rex"]}
+    field.edge.remote["arm"].stop_later = lambda _cause: None  # the worker finds it by itself
+    field.bus_session.put(keys.stop(field.place.id), b'["crew"]', urgent=True)
+    await field.until(lambda: field.state("arm").emergency_stop and field.state("rex").emergency_stop)
+    assert not field.state("leg").emergency_stop
+    assert json.loads(field.edge._workers["limbs"]._task)["groups"] == {"crew": ["arm", "rex"]}
+    field.place.change(groups={})
+    assert (await field.apply())["groups"].outcome is Outcome.DONE
+    assert field.edge.state().groups == {}
+
+
+async def test_a_worker_answers_for_each_robot_and_refuses_what_it_cannot_use(field):
+    asked = HoldAsked({"arm": HoldRobot('{"name": 1}'), "nobody": HoldRobot("{}")})
+    key = keys.hold(field.place.id, "limbs")
+    ((_, answer),) = field.bus_session.ask(key, msgspec.json.encode(asked), timeout=20)
+    held = msgspec.json.decode(answer, type=dict[str, HeldRobot])
+    assert "its adapter, as it is loaded, refuses it" in held["arm"].why
+    assert "has no robot 'nobody'" in held["nobody"].why
+    assert list(field.bus_session.ask(key, b"{", timeout=20)) == []
+    reply = await field.say("arm", {"command": "walk"})
+    assert isinstance(reply, Reply)
+    assert reply.ok
