@@ -1,5 +1,7 @@
 """The agent of an edge: what it takes, what it refuses, and what it goes back from."""
 
+import asyncio
+
 import pytest
 
 from fleet.errors import Refused
@@ -195,6 +197,30 @@ async def test_changed_code_is_reloaded_and_a_file_that_only_a_start_reads_waits
     yard.here.state = Running("ok", "", yard.clock.time() + 1.0)
     await yard.agent.turn()
     assert (await yard.report()).stage is Stage.DONE
+
+
+async def test_what_nobody_foresaw_does_not_end_the_agent(yard, caplog):
+    looks = 0
+
+    def breaks(folder, before):
+        raise RuntimeError("nobody foresaw this")
+
+    async def two_looks(_seconds):
+        nonlocal looks
+        looks += 1
+        yard.here.check = check
+        if looks == 2:
+            raise asyncio.CancelledError
+
+    check, yard.here.check = yard.here.check, breaks
+    address, data, desired = desired_of(KEY, 2)
+    yard.store.bundles[address] = data
+    await yard.store.desire("yard-1", desired)
+    yard.agent._sleep = two_looks
+    with pytest.raises(asyncio.CancelledError):
+        await yard.agent.run(5.0)
+    assert "nobody foresaw this" in caplog.text
+    assert ((await yard.report()).stage, yard.text) == (Stage.DONE, "version 2")
 
 
 async def other_signature(yard):
