@@ -155,6 +155,17 @@ async def test_a_roll_out_that_ends_while_a_robot_moves_is_withdrawn(yard):
     assert (await yard.report()).stage is Stage.DONE, "the same bundle may be rolled out again"
 
 
+async def test_what_waits_goes_back_before_another_bundle_is_looked_at(yard):
+    yard.here.outcomes = [MOVES]
+    await yard.want(3)
+    await yard.want(2, rollout="r2")
+    assert ((await yard.report()).stage, yard.text) == (Stage.WITHDRAWN, "version 1")
+    await yard.agent.turn()
+    report = await yard.report()
+    assert (report.rollout, report.stage, report.running) == ("r2", Stage.REFUSED, yard.first)
+    assert yard.here.applied[-1] == b"version 1 "
+
+
 async def test_what_is_done_is_not_withdrawn(yard):
     await yard.withdraw(await yard.want(2))
     assert ((await yard.report()).stage, yard.text) == (Stage.DONE, "version 2")
