@@ -181,7 +181,9 @@ class Bridge:
 
     def leave(self, twin: str) -> None:
         """Serve a twin no more, and say that it is disconnected; on the loop."""
-        port = self._ports[twin]
+        port = self._ports.get(twin)
+        if port is None:
+            return
         if twin not in self._held:
             self.voice.tell(port, "disconnected", {"reason": "the edge has it no more"})
         for table in (self._ports, self._rules.twins, self._infos):

@@ -13,6 +13,7 @@ from types import MappingProxyType
 from typing import Any
 
 import msgspec
+from msgspec.structs import asdict
 
 from fleet.errors import WireError
 from fleet.model.geometry import Quaternion, Vector3
@@ -91,8 +92,10 @@ def _other(topic: str, channel: str, sample: bytes) -> Message:
 
 
 def _own(topic: str, report: Report) -> Message:
-    """Return a report in its own form."""
-    payload = _encode(_without_none(msgspec.to_builtins(report)))
+    """Return a report in its own form; what it does not tell is left out."""
+    payload = _encode({name: value for name, value in asdict(report).items() if value is not None})
+    if b"null" in payload:  # deeper down, or as a word
+        payload = _encode(_without_none(msgspec.to_builtins(report)))
     return Message(topic, f"fleet.{type(report).__name__}", payload, report.stamp)
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 import threading
+from collections.abc import Iterable
 from pathlib import Path
 
 from fleet.clock import Clock
@@ -41,17 +42,17 @@ class Recorder:
 
     def take(self, edge: str, key: str, payload: bytes) -> None:
         """Take a sample that came by the bus of an edge; an empty one tells nothing and is left out."""
-        with self._lock:
-            if self._waiting + len(payload) > MOST_WAITING:
-                self._dropped += 1
-            elif payload:
-                self._waiting += len(payload)
-                self._samples.append((self._now(), edge, key, payload))
+        self.take_many(edge, ((key, payload),))
 
-    def take_many(self, edge: str, samples: list[tuple[str, bytes]]) -> None:
+    def take_many(self, edge: str, samples: Iterable[tuple[str, bytes]]) -> None:
         """Take samples that came by the bus of an edge."""
-        for key, payload in samples:
-            self.take(edge, key, payload)
+        with self._lock:
+            for key, payload in samples:
+                if self._waiting + len(payload) > MOST_WAITING:
+                    self._dropped += 1
+                elif payload:
+                    self._waiting += len(payload)
+                    self._samples.append((self._now(), edge, key, payload))
 
     def take_events(self, edge: str, events: list[Record]) -> None:
         """Take events of an edge's history."""

@@ -5,6 +5,7 @@ A report's key has the uuid of its twin alone; the state of a robot says which r
 
 from __future__ import annotations
 
+import functools
 from typing import Any
 
 import msgspec
@@ -22,6 +23,7 @@ from fleet.wire.topics import parse_data_key
 
 MOST_RUNS = 100  # runs that are kept until they end; that of an edge that died never does
 _encode = msgspec.json.Encoder().encode
+_parsed = functools.lru_cache(maxsize=4096)(parse_data_key)  # 200 robots have half as many
 
 
 class SampleReader:
@@ -40,7 +42,7 @@ class SampleReader:
         One that cannot be read is kept as bytes. One of a robot of another edge is left out: edges that are
         connected hear each other's, and it comes by the bus of its own.
         """
-        data = parse_data_key(key)
+        data = _parsed(key)
         if data is not None:
             known = self._robots.get(data.twin)
             if known is not None and known[0] != edge:

@@ -76,6 +76,7 @@ ELSEWHERE = {
     "host/requests/stop_cause.py": "fleet/host/requests/test_history_recorder.py",
     "host/edge/bridge_to_cloud.py": "fleet/host/edge/test_edge.py",
     "host/edge/changes_elsewhere.py": "fleet/host/workers/test_holding.py",
+    "host/edge/worker_members.py": "fleet/host/edge/test_membership.py",
     "host/edge/member_rules.py": "fleet/host/edge/test_membership.py",
     "host/edge/robot_reports.py": "fleet/host/edge/test_run_results.py",
     "host/edge/stops_meanwhile.py": "fleet/host/edge/test_membership.py",

@@ -1,4 +1,4 @@
-"""Missions of a drone and a wheeled robot, from the command line, on an edge that dies whenever it likes."""
+"""Missions of several kinds of robots, from the command line, on an edge that dies whenever it likes."""
 
 import contextlib
 import itertools
@@ -36,6 +36,20 @@ MISSION = {
     ],
     "on_failure": "undo",
 }
+WALK = {"do": {"dog": {"goto": [1.0, -12]}}, "id": "walk"}
+WITH_A_DOG = {
+    **MISSION,
+    "roles": {**MISSION["roles"], "dog": {"kind": "quadruped"}},
+    "steps": [
+        {
+            **MISSION["steps"][0],
+            "do": {**MISSION["steps"][0]["do"], "dog": {"command": "stand_up"}},
+            "undo": {**MISSION["steps"][0]["undo"], "dog": "sit_down"},
+        },
+        WALK,
+        {**MISSION["steps"][1], "do": {**MISSION["steps"][1]["do"], "dog": "sit_down"}},
+    ],
+}
 pytestmark = pytest.mark.real_time
 TERMINAL = {"completed", "completed_with_losses", "failed", "undone", "undo_failed", "aborted", "unknown"}
 
@@ -47,6 +61,18 @@ def _ready(state):
 @pytest.fixture
 def yard(fleet, tmp_path):
     """Run an edge with a drone and a wheeled robot, both simulated, that are ready for a mission."""
+    return run_yard(fleet, tmp_path, MISSION)
+
+
+@pytest.fixture
+def yard_with_a_dog(fleet, tmp_path):
+    """Run the same with a quadruped."""
+    dog = {"name": "rex", "adapter": "quadruped", "link": "sim:auto", "start": [0, -12, 0]}
+    return run_yard(fleet, tmp_path, WITH_A_DOG, dog)
+
+
+def run_yard(fleet, tmp_path, mission, *more):
+    """Run an edge, and wait until all its robots are ready."""
     latitude, longitude, altitude = 47.397742, 8.545594, 488.0
     home = f"home={latitude},{longitude},{altitude:g},0"
     robots = [
@@ -54,7 +80,8 @@ def yard(fleet, tmp_path):
         {"name": "beast", "adapter": "ugv", "profile": "waveshare-beast", "link": "sim:waveshare-beast"},
     ]
     robots[1]["start"] = [0, -8, 0]
-    missions = {policy: {**MISSION, "on_restart": policy} for policy in ("fail", "hold_and_ask", "continue")}
+    robots += more
+    missions = {policy: {**mission, "on_restart": policy} for policy in ("fail", "hold_and_ask", "continue")}
     config = {
         "edge": {"id": f"yard-{uuid.uuid4().hex[:6]}", "spool": {"path": "state"}},
         "site": {"origin": [latitude, longitude, altitude]},
@@ -191,7 +218,8 @@ def test_a_firing_whose_edge_is_killed_has_one_run_that_ends(yard):
 
 
 @pytest.mark.timeout(9000)
-def test_a_run_ends_truly_whenever_the_edge_is_killed_and_begins_nothing_twice(yard, pytestconfig):
+def test_a_run_ends_truly_whenever_the_edge_is_killed_and_begins_nothing_twice(yard_with_a_dog, pytestconfig):
+    yard = yard_with_a_dog
     kills = SOAK_KILLS if pytestconfig.getoption("--soak") else KILLS
     seed = random.randrange(1 << 30) if pytestconfig.getoption("--soak") else SEED
     chance = random.Random(seed)
@@ -212,7 +240,7 @@ def test_a_run_ends_truly_whenever_the_edge_is_killed_and_begins_nothing_twice(y
         assert len(begun) == len(set(begun)), (seed, kill, begun)
         if before is not None and not before.get("outcome") and policy == "fail":
             assert state["outcome"] != "completed", (seed, kill, state)
-        for name in ("kestrel", "beast"):
+        for name in ("kestrel", "beast", "rex"):
             is_free(yard, name)
         assert commands_are_carried_out_once(yard, run), (seed, kill)
         yard.call("send", "kestrel", "land", "--wait")

@@ -28,6 +28,7 @@ from fleet.host.edge.member_rules import groups_hindrance, name_before, unfit
 from fleet.host.edge.membership import Followers, Membership
 from fleet.host.edge.shown_configuration import shown_configuration
 from fleet.host.edge.stops_meanwhile import StopsMeanwhile
+from fleet.host.edge.worker_members import WorkerMembership
 from fleet.host.process.rebuild import hold, rebuild, take_over
 from fleet.host.process.robot_process import RobotProcess
 from fleet.host.robot.local_robot import LocalRobot
@@ -74,13 +75,14 @@ class Changes:
         configured: Iterable[Callable[[Loaded], None]],
         hindrance: Callable[[str], str],
         followers: Followers,
+        members: WorkerMembership,
     ) -> None:
         self._running = loaded
         self._process, self._remote, self._workers = process, remote, workers
         self._folder, self._configured = folder, tuple(configured)
         self._section_hindrance = hindrance
         self._meanwhile = StopsMeanwhile(process)
-        self._membership = Membership(process, followers, self._meanwhile.engage)
+        self._membership = Membership(process, followers, self._meanwhile, members)
         self._followers = followers
         self._elsewhere = ChangesElsewhere(workers, remote)
         self._clock: Clock = process.clock
@@ -175,7 +177,7 @@ class Changes:
         if why or not before or force:
             return why
         runs = ", ".join(self._followers.runs_with(before))
-        return not_resting(self._process.robots[before]) or (runs and f"{before} is in run {runs}")
+        return self._membership.hindrance(before) or (runs and f"{before} is in run {runs}")
 
     # -- doing it --------------------------------------------------------------------------------------
 
@@ -219,11 +221,11 @@ class Changes:
         name, before = change.name, name_before(change, self._running, new)
         try:
             if change.kind is ChangeKind.ADDED:
-                trouble = await self._membership.add(name, new)
+                trouble = await self._membership.add(name, self._running, new)
             elif change.kind is ChangeKind.REMOVED:
-                trouble = await self._membership.remove(name)
+                trouble = await self._membership.remove(name, self._running, force=asked.force)
             else:
-                trouble = await self._membership.rename(before, name, self._running, new)
+                trouble = await self._membership.rename(before, name, self._running, new, force=asked.force)
         except Exception as error:
             log.exception("the change of %s failed", name)
             trouble = f"{type(error).__name__}: {error}"

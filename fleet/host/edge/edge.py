@@ -34,7 +34,8 @@ from fleet.host.edge.renamed import carry_stops
 from fleet.host.edge.schedules import EdgeSchedules
 from fleet.host.edge.standby import open_gate, part_in_pair
 from fleet.host.edge.summaries import Summaries
-from fleet.host.edge.worker_robots import remote_robots, worker_managers
+from fleet.host.edge.worker_members import WorkerMembership
+from fleet.host.edge.worker_robots import RemoteRobots, Workers
 from fleet.host.journal.stores import history_bounds, open_stores
 from fleet.host.process.common_start import take_starts
 from fleet.host.process.component_settings import (
@@ -110,7 +111,8 @@ class Edge:
                 supervised=supervised,
                 traffic=positions_of(config, clock),
             )
-            self.remote = remote_robots(loaded, self.process)
+            self._remote_robots = RemoteRobots(loaded, self.process)
+            self.remote = self._remote_robots.by_name
             self.process.claims.add(robot.twin for robot in self.remote.values())
             carry_stops(loaded, folder, self.process, self.remote)
             self.process.moves_elsewhere = self._moves
@@ -119,7 +121,7 @@ class Edge:
                 hold=self.process.held_in_the_cloud,
                 tell=partial(self.bus.control.put, keys.holders(config.edge.id)),
             )
-            self._workers = worker_managers(loaded, directory, self.process, self.remote)
+            self._workers = Workers(loaded, directory, self.process, self.remote)
             self.missions = Missions(loaded, self.process, self.remote, folder, self._stop_robots)
             undo.callback(self.missions.close)
             self.bridge = bridge_of(
@@ -160,7 +162,7 @@ class Edge:
         self._watches: DropInWatch | None = None
         self._loaded = loaded
         self._worker_changes = workers = WorkerChanges(
-            config.edge.id, self.bus.control, self._workers, self.remote
+            config.edge.id, self.bus.control, self._workers.managers, self.remote
         )
         self._changes = Changes(
             loaded,
@@ -176,10 +178,12 @@ class Edge:
                 self._configure,
             ),
             hindrance=self.missions.hindrance,
+            members=WorkerMembership(self.process, self._remote_robots, self._workers, workers),
             followers=Followers(
                 self.missions,
                 self._stop_inputs,
                 self.cloud_claims,
+                self._notifier,
                 bridge=self.bridge,
                 presence=self._presence,
                 cloud=config.cloud,
@@ -204,10 +208,7 @@ class Edge:
             if self.bridge is not None:
                 self.process.scheduler.at_end(self.bridge.turn)
                 self.bridge.start()
-            workers += [
-                asyncio.create_task(worker.run(), name=f"worker:{worker.name}")
-                for worker in self._workers.values()
-            ]
+            self._workers.start()
             workers.append(asyncio.create_task(self._changes.begin(), name="changes"))
             if self._watches is not None:
                 workers.append(asyncio.create_task(self._watches.run(), name="watch"))
@@ -217,12 +218,14 @@ class Edge:
         finally:
             for task in workers:
                 task.cancel()
+            self._workers.cancel()
             await self._changes.close()
             await asyncio.to_thread(self._stop_inputs.end)
             self._pair.ending()
             await self.process.stop()
             await self._pair.close()
             await asyncio.gather(*workers, return_exceptions=True)
+            await self._workers.ended()
             if self.bridge is not None:
                 for _ in self.bridge.turn():
                     pass
@@ -351,9 +354,9 @@ class Edge:
 
         self.process.scheduler.every(HEALTH_EVERY, tell_health)
         self.summaries.declare(self.bus.control, self.process.scheduler, self._soon)
-        if self.remote and self.bridge is not None:  # again and again: a worker may be started anew
+        if self.bridge is not None:  # again and again: a worker may be started anew
             self.process.scheduler.every(HEALTH_EVERY, self.cloud_claims.tell_workers)
-        if self.remote and self._config.stop_inputs:
+        if self._config.stop_inputs:
             held = self.bus.control.publisher(keys.held(edge))
             self.process.scheduler.every(TELL, lambda: held.put(self._stop_inputs.held))
         if self.bridge is not None:

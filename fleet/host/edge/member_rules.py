@@ -17,8 +17,8 @@ def unfit(running: Loaded, new: Loaded, added: str, gone: str) -> str:
     """Return why a robot of the new file cannot be ``added``, or one be ``gone``; empty when they can."""
     if running.config.pair is not None:
         return f"both edges of a pair begin with the same robots: {AGAIN}"
-    if any(_worker(loaded, name) for loaded, name in ((new, added), (running, gone)) if name):
-        return f"it runs in a worker, which knows its robots from its start: {AGAIN}"
+    if added and gone and bool(runs_in(new, added)) != bool(runs_in(running, gone)):
+        return f"it moves to another process: {AGAIN}"
     return _unfit_to_add(running, new.config, added, gone) if added else ""
 
 
@@ -62,6 +62,6 @@ def _stopped_by(
     return {one.name for one in config.stop_inputs if robots_of([one], members, [robot])}
 
 
-def _worker(loaded: Loaded, name: str) -> str:
+def runs_in(loaded: Loaded, name: str) -> str:
     """Return the worker of a robot, empty for one of the edge's own process."""
     return next(worker_of(robot, plugin) for robot, plugin in loaded.robots if robot.name == name)

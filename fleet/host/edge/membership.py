@@ -8,23 +8,30 @@ from __future__ import annotations
 
 import asyncio
 import logging
-from collections.abc import Callable
 
 import msgspec
 
 from fleet.bridge.bridge import Bridge
 from fleet.config.load import Loaded
+from fleet.config.loaded_robots import without_robot
 from fleet.config.schema import CloudConfig
 from fleet.host.edge.cloud_claims import CloudClaims
 from fleet.host.edge.cloud_presence import CloudPresence
+from fleet.host.edge.member_rules import runs_in
 from fleet.host.edge.missions import Missions
+from fleet.host.edge.notifier import Notifier
+from fleet.host.edge.stops_meanwhile import StopsMeanwhile
+from fleet.host.edge.worker_members import WorkerMembership
 from fleet.host.process.component_settings import bridge_rules
 from fleet.host.process.rebuild import BACK_WITHIN, ended, seen
 from fleet.host.process.robot_process import RobotProcess, RobotSpec
 from fleet.host.process.stop_inputs import StopInputs
+from fleet.host.requests.stop_cause import local_cause
 from fleet.host.robot.local_robot import LocalRobot
+from fleet.host.robot.rest import not_resting
 from fleet.host.robot.separation_keeper import go_on
 from fleet.host.safety.admission import LEAVE
+from fleet.host.workers.remote_robot import RemoteRobot
 from fleet.host.workers.worker_task import Importer, robot_tasks
 from fleet.model.command import Transport
 
@@ -41,31 +48,37 @@ class Followers:
         missions: Missions,
         stop_inputs: StopInputs,
         cloud_claims: CloudClaims,
+        notifier: Notifier,
         *,
         bridge: Bridge | None,
         presence: CloudPresence | None,
         cloud: CloudConfig | None,
     ) -> None:
         self._missions, self._stop_inputs, self._cloud_claims = missions, stop_inputs, cloud_claims
+        self._notifier = notifier
         self._bridge, self._presence, self._cloud = bridge, presence, cloud
 
-    def join(self, robot: LocalRobot) -> None:
+    def join(self, robot: LocalRobot | RemoteRobot) -> None:
         """Have one more robot, or another one of a twin; before it is run."""
-        self._stop_inputs.join(robot.name, robot.controller.latch)
+        if isinstance(robot, LocalRobot):
+            self._stop_inputs.join(robot.name, robot.controller.latch)
+        else:
+            self._notifier.join(robot.name, robot.twin)
         self._missions.join(robot)
         self._cloud_claims.join(robot.twin, robot)
         if self._bridge is not None and self._presence is not None and self._cloud is not None:
             rules = bridge_rules(self._cloud, [robot.config]).twins[robot.twin]
             self._bridge.join(self._missions.plans.port(robot), rules)
-            self._bridge.uplink.own([robot.twin])
+            self._bridge.uplink.own([robot.twin] if isinstance(robot, LocalRobot) else [])
             self._presence.leave_words()
 
-    def leave(self, robot: LocalRobot, *, replaced: bool) -> None:
+    def leave(self, robot: LocalRobot | RemoteRobot, *, replaced: bool) -> None:
         """Have a robot no more, whose run has ended; ``replaced``: another one has joined with its twin."""
         self._stop_inputs.leave(robot.name)
         self._missions.leave(robot.name)
         if replaced:
             return
+        self._notifier.leave(robot.twin)
         self._cloud_claims.leave(robot.twin)
         if self._bridge is not None and self._presence is not None:
             self._bridge.leave(robot.twin)
@@ -77,25 +90,37 @@ class Followers:
 
 
 class Membership:
-    """The robots of the edge's own process; on the loop.
+    """The robots of one edge; on the loop.
 
-    All methods return why nothing was changed, empty when it was done. ``stopped`` is called with each robot
-    that was built and its name of before, ahead of all that can move it: it sets the stops of meanwhile.
+    All methods return why nothing was changed, empty when it was done. The stops of ``meanwhile`` are set in
+    each robot that was built, ahead of all that can move it.
     """
 
     def __init__(
-        self, process: RobotProcess, followers: Followers, stopped: Callable[[LocalRobot, str], None]
+        self,
+        process: RobotProcess,
+        followers: Followers,
+        meanwhile: StopsMeanwhile,
+        workers: WorkerMembership,
     ) -> None:
-        self._process, self._followers, self._stopped = process, followers, stopped
+        self._process, self._followers, self._meanwhile = process, followers, meanwhile
+        self._workers = workers
 
-    async def add(self, name: str, loaded: Loaded) -> str:
-        """Add a robot of a loaded file."""
+    def hindrance(self, name: str) -> str:
+        """Return why a robot of the edge cannot be taken out now; empty when it rests."""
+        here = self._process.robots.get(name)
+        return not_resting(here) if here is not None else self._workers.hindrance(name)
+
+    async def add(self, name: str, running: Loaded, loaded: Loaded) -> str:
+        """Add a robot of a loaded file to those that run."""
+        if runs_in(loaded, name):
+            return await self._added_elsewhere(name, running, loaded)
         try:
             robot = await self._built(name, loaded)
         except Exception as error:  # its adapter is foreign code
             log.exception("%s cannot be added", name)
             return f"it cannot be built: {type(error).__name__}: {error}"
-        self._stopped(robot, "")
+        self._meanwhile.engage(robot)
         try:
             self._followers.join(robot)
             self._process.serve(robot)
@@ -105,21 +130,75 @@ class Membership:
             return f"it cannot be added: {type(error).__name__}: {error}"
         return ""
 
-    async def remove(self, name: str) -> str:
+    async def _added_elsewhere(self, name: str, running: Loaded, loaded: Loaded, why: str = "") -> str:
+        """Add a robot that runs in a worker; ``why`` it is stopped already."""
+
+        def join(robot: RemoteRobot) -> None:
+            self._meanwhile.pass_on(robot)
+            if why:
+                robot.stop_later(local_cause("", why))
+            self._followers.join(robot)
+
+        trouble = await self._workers.add(name, running, loaded, join)
+        robot = self._workers.robot(name)
+        if trouble and robot is not None:
+            self._let_go_elsewhere(robot)
+        elif robot is not None:
+            self._meanwhile.pass_on(robot)
+        return trouble
+
+    async def remove(self, name: str, running: Loaded, *, force: bool) -> str:
         """Bring a robot to a standstill and take it out."""
+        elsewhere = self._workers.robot(name)
+        if elsewhere is not None:
+            return await self._removed_elsewhere(elsewhere, running, force=force)
         robot = self._process.robots[name]
-        trouble = await self._leaves_runs(robot) or await ended(self._process, robot)
+        trouble = await self.leaves_runs(robot) or await ended(self._process, robot)
         if trouble:
             self._process.runs.resume(robot)
             return trouble
         self._let_go(robot)
         return ""
 
-    async def rename(self, before: str, name: str, old: Loaded, new: Loaded) -> str:
+    async def _removed_elsewhere(self, robot: RemoteRobot, running: Loaded, *, force: bool) -> str:
+        """Take a robot out of its worker."""
+        trouble = await self.leaves_runs(robot)
+        trouble = trouble or await self._workers.remove(robot.name, running, force=force)
+        if not trouble:
+            self._let_go_elsewhere(robot)
+            await self._keep_stop(robot)
+        return trouble
+
+    async def _renamed_elsewhere(
+        self, robot: RemoteRobot, name: str, old: Loaded, new: Loaded, *, force: bool
+    ) -> str:
+        """Take a robot out of its worker and add it under another name; what fails is taken back."""
+        trouble = await self._removed_elsewhere(robot, old, force=force)
+        if trouble:
+            return trouble
+        state, rest = robot.state(), without_robot(old, robot.name)
+        why = (state.stop_cause or "set before it was renamed") if state.emergency_stop else ""
+        trouble = await self._added_elsewhere(name, rest, new, why)
+        if trouble:
+            again = await self._added_elsewhere(robot.name, rest, old, why)
+            trouble += f"; {again}" if again else ""
+        return trouble
+
+    async def _keep_stop(self, robot: RemoteRobot) -> None:
+        """Keep a stop of a robot that is gone, if its worker has not heard it any more."""
+        self._meanwhile.pass_on(robot)
+        if robot.unheard:
+            journal = await asyncio.to_thread(self._process.journal.robot, robot.name)
+            journal.latch(robot.unheard)
+
+    async def rename(self, before: str, name: str, old: Loaded, new: Loaded, *, force: bool) -> str:
         """Have a robot go on under a new name, with its stop; one that answered must answer again."""
+        elsewhere = self._workers.robot(before)
+        if elsewhere is not None:
+            return await self._renamed_elsewhere(elsewhere, name, old, new, force=force)
         robot = self._process.robots[before]
         answered = not robot.controller.offline
-        trouble = await self._leaves_runs(robot) or await self._replaced(robot, name, new)
+        trouble = await self.leaves_runs(robot) or await self._replaced(robot, name, new)
         if trouble or not answered:
             return trouble
         renamed = self._process.robots[name]
@@ -153,7 +232,7 @@ class Membership:
             self._process.drop(replacement)
             self._process.runs.resume(robot)
             return trouble
-        self._stopped(replacement, robot.name)
+        self._meanwhile.engage(replacement, robot.name)
         if why := robot.controller.latch.why:
             replacement.controller.latch.engage(why)
             replacement.controller.latch.record()
@@ -172,7 +251,12 @@ class Membership:
         self._process.drop(robot)
         self._process.give_up(robot.twin)
 
-    async def _leaves_runs(self, robot: LocalRobot) -> str:
+    def _let_go_elsewhere(self, robot: RemoteRobot) -> None:
+        """Forget a robot of a worker everywhere."""
+        self._followers.leave(robot, replaced=False)
+        self._workers.forget(robot)
+
+    async def leaves_runs(self, robot: LocalRobot | RemoteRobot) -> str:
         """Take a robot out of the runs of missions; return which does not let go of it."""
         for run in self._followers.runs_with(robot.name):
             message = {"command": LEAVE, "data": {"run": run}, "session_id": "fleet apply"}

@@ -83,8 +83,16 @@ class Notifier:
         """
         self._reports = reports
         for twin, name in robots.items():
-            self._calls[data_key(twin, EventReport.channel)] = partial(self._heard, name)
+            self.join(name, twin)
+
+    def join(self, robot: str, twin: str) -> None:
+        """Take the events of one more robot in another process."""
+        self._calls[data_key(twin, EventReport.channel)] = partial(self._heard, robot)
         self._listen()
+
+    def leave(self, twin: str) -> None:
+        """Take no more events of a robot that is gone."""
+        self._calls.pop(data_key(twin, EventReport.channel), None)
 
     def _listen(self) -> None:
         """Listen on the bus, once there is somebody to tell of somebody."""

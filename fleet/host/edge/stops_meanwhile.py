@@ -7,6 +7,7 @@ from collections.abc import Iterable, Mapping
 from fleet.host.process.robot_process import RobotProcess
 from fleet.host.requests.stop_cause import StopCause
 from fleet.host.robot.local_robot import LocalRobot
+from fleet.host.workers.remote_robot import RemoteRobot
 
 
 class StopsMeanwhile:
@@ -23,12 +24,20 @@ class StopsMeanwhile:
 
     def engage(self, robot: LocalRobot, *names: str) -> None:
         """Set the stops that were asked for of a robot, under its own name or one of these."""
-        known = {robot.name, *names}
-        known |= {group for group, members in self._groups.items() if known.intersection(members)}
-        for named, cause in list(self._stops):
-            if not named or known.intersection(named):
-                robot.controller.latch.engage(cause.why)
+        for cause in self._of(robot.name, *names):
+            robot.controller.latch.engage(cause.why)
         robot.controller.latch.record()
+
+    def pass_on(self, robot: RemoteRobot, *names: str) -> None:
+        """Have a robot in a worker stopped that was asked to stop before its worker ran it."""
+        for cause in self._of(robot.name, *names):
+            robot.stop_later(cause)
+
+    def _of(self, *names: str) -> list[StopCause]:
+        """Return the stops that name a robot, or a group of it, or nobody."""
+        known = set(names)
+        known |= {group for group, members in self._groups.items() if known.intersection(members)}
+        return [cause for named, cause in list(self._stops) if not named or known.intersection(named)]
 
     def _stopped(self, names: tuple[str, ...], cause: StopCause) -> None:
         """Remember a stop; from any thread."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 from collections.abc import Callable, Mapping
 from functools import partial
 from pathlib import Path
@@ -16,60 +17,116 @@ from fleet.host.workers.remote_robot import RemoteRobot
 from fleet.host.workers.worker_manager import WorkerManager, names_of
 from fleet.host.workers.worker_task import task_of
 from fleet.model.event import EventKind, EventReport, Severity
+from fleet.plugins.registry import Plugin
+from fleet.robot_config import AdapterConfig
 
 
-def remote_robots(loaded: Loaded, process: RobotProcess) -> dict[str, RemoteRobot]:
-    """Return this side of the robots that run in workers, by name; their states are heard from now on."""
-    edge, control = process.edge, process.bus.control
+class RemoteRobots:
+    """This side of the robots that run in workers, ``by_name``; their states are heard."""
 
-    def soon(call: Callable[[], None]) -> None:
-        process.loop.call_soon_threadsafe(call)
+    def __init__(self, loaded: Loaded, process: RobotProcess) -> None:
+        self.by_name: dict[str, RemoteRobot] = {}
+        self._process = process
+        self._states: dict[str, Callable[[bytes], None]] = {}
+        self._listens = False
+        for robot, plugin in loaded.robots:
+            if worker_of(robot, plugin):
+                self.add(robot, plugin)
 
-    remote = {
-        robot.name: RemoteRobot(
+    def add(self, robot: AdapterConfig, plugin: Plugin) -> RemoteRobot:
+        """Stand for one more robot; stops reach it from now on."""
+        process = self._process
+        edge, control = process.edge, process.bus.control
+        made = self.by_name[robot.name] = RemoteRobot(
             robot,
             adapter=plugin.name,
             edge=edge,
             control=control,
             clock=process.clock,
-            soon=soon,
+            soon=lambda call: _soon(process, call),
             arrival=process.watchdog.arrival,
             worker=worker_of(robot, plugin),
             publish=process.outbox.sender(str(robot.twin)),
         )
-        for robot, plugin in loaded.robots
-        if worker_of(robot, plugin)
-    }
-    states = {keys.state(edge, name): robot.state_arrived for name, robot in remote.items()}
-    if states:
-        control.subscribe_many(keys.state(edge, "*"), states)
-    return remote
+        self._states[keys.state(edge, robot.name)] = made.state_arrived
+        if not self._listens:
+            self._listens = True
+            control.subscribe_many(keys.state(edge, "*"), self._states)
+        return made
+
+    def remove(self, robot: RemoteRobot) -> None:
+        """Stand for a robot no more."""
+        self.by_name.pop(robot.name, None)
+        self._states.pop(keys.state(self._process.edge, robot.name), None)
+        robot.close()
 
 
-def worker_managers(
-    loaded: Loaded, directory: Path, process: RobotProcess, remote: Mapping[str, RemoteRobot]
-) -> dict[str, WorkerManager]:
-    """Return what watches each worker process, by name; those that are started by hand have none."""
-    names = names_of(robot.worker for robot in remote.values())
-    return {
-        name: WorkerManager(
+class Workers:
+    """The worker processes of one edge: ``managers`` watch them; on the loop."""
+
+    def __init__(
+        self, loaded: Loaded, directory: Path, process: RobotProcess, remote: Mapping[str, RemoteRobot]
+    ) -> None:
+        self._directory, self._process, self._remote = directory, process, remote
+        self._tasks: dict[str, asyncio.Task[None]] = {}
+        self.managers: dict[str, WorkerManager] = {}
+        for name in names_of(robot.worker for robot in remote.values()):
+            if name not in loaded.config.remote_workers:
+                self._make(name, loaded)
+
+    def start(self) -> None:
+        """Start all workers."""
+        for name in self.managers:
+            self._run(name)
+
+    def add(self, name: str, loaded: Loaded) -> WorkerManager:
+        """Start one more worker, with the robots that a loaded file has for it."""
+        manager = self._make(name, loaded)
+        self._run(name)
+        return manager
+
+    async def end(self, name: str) -> None:
+        """End a worker in order: it brings its robots to a standstill first."""
+        task = self._tasks.pop(name)
+        task.cancel()
+        await asyncio.gather(task, return_exceptions=True)
+        self.managers.pop(name).close()
+
+    def cancel(self) -> None:
+        """Begin to end all workers."""
+        for task in self._tasks.values():
+            task.cancel()
+
+    async def ended(self) -> None:
+        """Wait until all workers have ended."""
+        await asyncio.gather(*self._tasks.values(), return_exceptions=True)
+
+    def _make(self, name: str, loaded: Loaded) -> WorkerManager:
+        process = self._process
+        made = self.managers[name] = WorkerManager(
             name,
             edge=process.edge,
             task=msgspec.json.encode(task_of(loaded, name)),
-            directory=directory,
+            directory=self._directory,
             control=process.bus.control,
             clock=process.clock,
-            told=partial(_worker_is, process, remote),
+            told=partial(_worker_is, process, self._remote),
             halt=partial(_halt_worker, process),
         )
-        for name in names
-        if name not in loaded.config.remote_workers
-    }
+        return made
+
+    def _run(self, name: str) -> None:
+        self._tasks[name] = asyncio.create_task(self.managers[name].run(), name=f"worker:{name}")
+
+
+def _soon(process: RobotProcess, call: Callable[[], None]) -> None:
+    """Run a call on the event loop; from any thread."""
+    process.loop.call_soon_threadsafe(call)
 
 
 def _worker_is(process: RobotProcess, remote: Mapping[str, RemoteRobot], worker: str, cause: str) -> None:
     """Pass on what is wrong with a worker to its robots."""
-    for robot in remote.values():
+    for robot in list(remote.values()):
         if robot.worker == worker:
             robot.worker_is(cause)
             if cause:

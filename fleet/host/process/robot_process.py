@@ -117,7 +117,7 @@ class RobotProcess:
             ),
         )
         self.robots: dict[str, LocalRobot] = {spec.config.name: self._make(spec) for spec in specs}
-        self._traffic = traffic
+        self.traffic = traffic
         if traffic is not None:
             for robot in self.robots.values():
                 robot.share_space(traffic)
@@ -182,8 +182,8 @@ class RobotProcess:
     def add(self, spec: RobotSpec, journal: RobotJournal) -> LocalRobot:
         """Build a robot while others run; stops reach it from now on, and it is not run before ``serve``."""
         robot = self._make(spec, journal)
-        if self._traffic is not None:
-            robot.share_space(self._traffic)
+        if self.traffic is not None:
+            robot.share_space(self.traffic)
         self.robots[robot.name] = robot
         self.runs.pause(robot)
         return robot
@@ -207,8 +207,8 @@ class RobotProcess:
             self.watchdog.remove(watched)
         self.scheduler.end(robot.name)
         self.outbox.drop(robot.twin)
-        if self._traffic is not None:
-            self._traffic.leave(robot.name)
+        if self.traffic is not None:
+            self.traffic.leave(robot.name)
 
     def give_up(self, twin: str) -> None:
         """Claim a twin no more that no robot has."""

@@ -85,7 +85,7 @@ class RobotController:
         self._navigator = Navigator(
             publish=publish, hold=self._settle, crashed=crashed, clock=clock, journal=journal, ready=ready
         )
-        self.recall, self.doing = self._navigator.recall, self._navigator.doing  # recall: of earlier actions
+        self.doing, self.statuses = self._navigator.doing, self._navigator.statuses
         self._leader = goal_follower_of(config, self._lead, limits, clock, guard.others.of, holonomic=any_way)
         self.see, self.hold_again = self._leader.see, self._driving.hold_again  # see: the poses it is led by
         self.configured = (self._admission, self.speeds, self.guard, self._driving, self._leader)
@@ -336,15 +336,15 @@ class RobotController:
     def _navigate(self, ask: Navigate, receipt: Receipt) -> None:
         """Take a goal, or a control of the running action."""
         if isinstance(ask.ask, Control):
-            receipt.watch(partial(self._navigator.controlled, ask))
+            receipt.watch(partial(self.statuses.controlled, ask))
             self._control(ask, ask.ask, receipt)
             return
-        if self._navigator.repeated(ask.action_id, receipt):
+        if self.statuses.repeated(ask.action_id, receipt):
             return
         refusal, who = self._admission.navigate(ask) or self.unable(ask.ask), self._pilot()
         if refusal is not None or self._adapter is None or self.offline or who is None:
             receipt.reject(refusal := refusal or self._absence())
-            self._navigator.refuse(ask, refusal, receipt)
+            self.statuses.refuse(ask, refusal, receipt)
             return
         self._end_driving(self._adapter)
         self.in_control = True
@@ -381,7 +381,7 @@ class RobotController:
 
     def _resume(self, ask: Navigate, receipt: Receipt) -> None:
         """Go on with the paused action, once for each message that asks it."""
-        if not self._navigator.knows(ask.action_id):
+        if not self.statuses.knows(ask.action_id):
             identity = ask.action_id and f"resume {ask.action_id}"
             first = self._repeats.first(identity, receipt, self._clock.monotonic())
             if first is not None:

@@ -241,7 +241,7 @@ class LocalRobot:
 
     def start(self) -> asyncio.Task[None]:
         """Begin to serve the robot."""
-        self.controller.recall()
+        self.controller.statuses.recall()
         return self._loop.create_task(self.runner.run(), name=f"robot:{self.name}", context=self._context)
 
     def stand_by(self, why: str) -> None:

@@ -6,31 +6,19 @@ import asyncio
 import logging
 from collections.abc import Awaitable, Callable
 
-import msgspec
-
 from fleet.clock import Clock
 from fleet.errors import CommandError, LinkError
 from fleet.host.follow.goal_follower import GoalNavigator
 from fleet.host.journal.journal import RobotJournal
-from fleet.host.journal.past_commands import PastCommand, answer_to
 from fleet.host.requests.action import Action
 from fleet.host.requests.receipt import Receipt
+from fleet.host.robot.action_statuses import ActionStatuses
 from fleet.host.runtime.cancellation import cancel_and_wait, closing, no_wait, was_cancelled
-from fleet.model.command import Reply
 from fleet.model.navigation import ActionState, AnyTask, Control, Navigate, RelativeMove
 from fleet.model.report import NavigationReport
 from fleet.runtime.exception_barrier import guarded
 
 log = logging.getLogger(__name__)
-
-KEPT = 64  # actions remembered, to answer a repeated action id with its last status
-
-
-class _Known(msgspec.Struct):
-    """What was said last of an action id, and to whom."""
-
-    receipt: Receipt
-    status: NavigationReport
 
 
 class Navigator:
@@ -38,7 +26,7 @@ class Navigator:
 
     ``hold`` brings the robot to a standstill and never raises; ``crashed`` hears of an adapter that raised
     what it may not; ``ready`` waits until stops that were asked before have ended. Each action is in the
-    ``journal`` before it begins.
+    ``journal`` before it begins. ``statuses`` says what is said of actions, by their ids.
     """
 
     def __init__(
@@ -52,14 +40,13 @@ class Navigator:
         ready: Callable[[], Awaitable[None]] = no_wait,
     ) -> None:
         self._ready = ready
-        self._tell = publish
+        self.statuses = ActionStatuses(publish, clock, journal)
         self._hold = hold
         self._crashed = crashed
         self._clock = clock
         self._work: asyncio.Task[None] | None = None
         self._tasks: set[asyncio.Task[None]] = set()  # also those that are still being cancelled
         self._journal = journal
-        self._known = {past.identity: _known_of(past, clock.time()) for past in journal.past if past.action}
         self.action: Action | None = None
         self._asked = Navigate(Control.STOP)  # what the action was asked by
 
@@ -86,25 +73,6 @@ class Navigator:
             return ""
         return self.action.words
 
-    def recall(self) -> None:
-        """Say how the actions ended that an earlier process did not see to their end; once, at the start."""
-        for past in self._journal.past:
-            if past.action and not past.outcome:
-                self._publish(self._known[past.identity].status)
-
-    def knows(self, action_id: str) -> bool:
-        """Return True for the id of an action that was asked before."""
-        return action_id in self._known
-
-    def repeated(self, action_id: str, receipt: Receipt) -> bool:
-        """Say the last status and the answers again for an action id seen before; False for a new one."""
-        known = self._known.get(action_id)
-        if known is None:
-            return False
-        self._tell(known.status)
-        receipt.follow(known.receipt)
-        return True
-
     def start(self, who: GoalNavigator, ask: Navigate, task: AnyTask, receipt: Receipt) -> None:
         """Begin the ``task`` that a message asks, led by ``who``; whatever was under way is cancelled."""
         self.cancel("superseded by a newer goal")
@@ -112,29 +80,12 @@ class Navigator:
         self.action = Action(
             ask.action_id,
             task,
-            publish=self._publish,
+            publish=self.statuses.publish,
             ended=lambda status: _answer(receipt, status),
             clock=self._clock,
         )
-        self._remember(self.action.status, receipt)
+        self.statuses.remember(self.action.status, receipt)
         self._begin(who, self.action)
-
-    def refuse(self, ask: Navigate, reason: str, receipt: Receipt) -> None:
-        """Say that an action failed before it began; a repeat of it is refused like it."""
-        step, now = 0 if ask.of_mission else None, self._clock.time()
-        status = NavigationReport(now, ask.action_id, ActionState.FAILED, 0.0, reason, step)
-        self._tell(status)
-        self._remember(status, receipt)
-
-    def controlled(self, ask: Navigate, reply: Reply) -> None:
-        """Say how a control message ended, when it has an action id of its own and has ended."""
-        if reply.done is None or not ask.action_id or self.knows(ask.action_id):
-            return
-        state, percent = (ActionState.COMPLETED, 100.0) if reply.done else (ActionState.FAILED, 0.0)
-        step = 0 if ask.of_mission else None
-        if ask.of_mission and reply.done:
-            state = ActionState.CANCELLED
-        self._tell(NavigationReport(self._clock.time(), ask.action_id, state, percent, reply.reason, step))
 
     def cancel(self, why: str) -> None:
         """End what is under way with ``cancelled``; the robot is not stopped here."""
@@ -221,30 +172,6 @@ class Navigator:
         if self._is_current():
             action.move(ActionState.FAILED, message=why)
             await self._hold(f"navigation failed: {why}")
-
-    def _publish(self, status: NavigationReport) -> None:
-        """Say a status, and keep it for repeats of its id."""
-        known = self._known.get(status.action_id)
-        if known is not None:
-            known.status = status
-        if status.state.terminal:
-            self._journal.end(status.action_id, status.state.value)
-        self._tell(status)
-
-    def _remember(self, status: NavigationReport, receipt: Receipt) -> None:
-        """Keep an action for repeats of its id."""
-        if not status.action_id:
-            return
-        self._known[status.action_id] = _Known(receipt, status)
-        while len(self._known) > KEPT:
-            del self._known[next(iter(self._known))]
-
-
-def _known_of(past: PastCommand, now: float) -> _Known:
-    """Return what is known of an action of an earlier process; one that was cut off has failed."""
-    state = ActionState(past.outcome) if past.outcome else ActionState.FAILED
-    progress = 100.0 if state is ActionState.COMPLETED else 0.0
-    return _Known(answer_to(past), NavigationReport(now, past.identity, state, progress, past.verdict))
 
 
 def _answer(receipt: Receipt, status: NavigationReport) -> None:

@@ -24,6 +24,7 @@ from fleet.host.safety.separation import Occupant, stopping
 from fleet.model.geodesy import GeoOrigin
 from fleet.model.geometry import Vector3
 from fleet.model.site import Placement, placed_on_earth
+from fleet.robot_config import MAIN
 from fleet.runtime.decoding import decode_json
 
 log = logging.getLogger(__name__)
@@ -93,19 +94,18 @@ class RobotPositions:
     def join(self, robot: SeparationKeeper) -> None:
         """Have a robot of this process known to the others."""
         self._own[robot.name] = robot
-        self._edges[robot.name] = self.edge
-        self._gone.discard(robot.name)
+        self.expect(robot.name)
+
+    def expect(self, name: str) -> None:
+        """Know a robot of the edge, here or in another process, that is not placed yet."""
+        self._edges[name] = self.edge
+        self._gone.discard(name)
 
     def leave(self, name: str) -> None:
-        """Forget a robot of this process, and have the other processes of the edge forget it."""
-        self._own.pop(name, None)
-        self._edges.pop(name, None)
+        """Forget a robot that the edge has no more, and have the other processes of the edge forget it."""
+        for table in (self._own, self._told, self._edges, self._tellers):
+            table.pop(name, None)
         self._gone.add(name)
-
-    def forget(self, name: str) -> None:
-        """Forget a robot of another process, which the edge has no more."""
-        self._told.pop(name, None)
-        self._edges.pop(name, None)
 
     def place(self, world: GeoOrigin) -> Placement:
         """Return where a world on Earth lies; the first one there is lies around the origin."""
@@ -220,9 +220,9 @@ class RobotPositions:
             self._edges[name], self._tellers[name] = edge, process
             self._told[name] = now, _moved(msgspec.structs.replace(told, on_earth=on_earth), placement)
         for name in sheet.gone if edge == self.edge else ():
-            if self._tellers.get(name) == process:
-                del self._tellers[name]
-                self.forget(name)
+            if process == MAIN or self._tellers.get(name) == process:  # the edge's own process knows of all
+                for table in (self._told, self._tellers, self._edges):
+                    table.pop(name, None)
 
 
 def _may_meet(robot: Occupant, at: Vector3, reach: float) -> bool:

@@ -84,8 +84,15 @@ class RemoteRobot:
         )
         # Only to see what is asked: the worker decodes with the robot's own limits.
         self._decoder = RequestDecoder(config, VerbSpeeds(config.limits).of, planar=False)
-        control.answer(keys.state(edge, self.name), self._state_asked)
-        control.watch_tokens(keys.robot(edge, self.name), self._came_or_went)
+        self._ends = (
+            control.answer(keys.state(edge, self.name), self._state_asked),
+            control.watch_tokens(keys.robot(edge, self.name), self._came_or_went),
+        )
+
+    def close(self) -> None:
+        """Stand for the robot no more: the edge has it no more."""
+        for end in self._ends:
+            end()
 
     def configure(self, config: AdapterConfig) -> None:
         """Take over what its worker runs with from now on."""
@@ -95,6 +102,11 @@ class RemoteRobot:
     def in_use(self) -> bool:
         """True once somebody has moved it through this edge, as its worker says."""
         return self._state.in_use
+
+    @property
+    def unheard(self) -> str:
+        """Why it is to be stopped, while its worker has not told that it is; else empty."""
+        return self._unheard.why if self._unheard is not None else ""
 
     def emergency(self, cause: StopCause) -> None:
         """Stop and latch; from any thread. A bus that is held up keeps nobody else's stop from being read."""

@@ -69,8 +69,15 @@ class WorkerManager:
         self._beat = 0.0
         self._gone = asyncio.Event()
         self._loop = asyncio.get_running_loop()
-        control.subscribe(keys.heartbeat(edge, name), self._beaten)
-        control.watch_tokens(keys.worker(edge, name), self._token_changed)
+        self._ends = (
+            control.subscribe(keys.heartbeat(edge, name), self._beaten),
+            control.watch_tokens(keys.worker(edge, name), self._token_changed),
+        )
+
+    def close(self) -> None:
+        """Listen to the worker no more, which has ended."""
+        for end in self._ends:
+            end()
 
     def replace(self, task: bytes) -> bytes:
         """Have the next process run another task; return the one before."""

@@ -5,6 +5,7 @@ import json
 import uuid
 from types import SimpleNamespace
 
+import psutil
 import pytest
 
 from fleet.bus import keys
@@ -262,3 +263,50 @@ def test_groups_that_a_stop_input_names_wait_for_the_next_start():
 
     assert groups_hindrance(config("rex"), config("rex")) == ""
     assert "stop input wall names one" in groups_hindrance(config("rex"), config("rex", "max"))
+
+
+async def test_a_robot_in_a_process_of_its_own_comes_goes_and_is_renamed_with_it(yard_of_two):
+    field = yard_of_two
+    field.add("arm", worker="limbs")
+    done = await field.apply()
+    assert done["arm"].outcome is Outcome.DONE, done["arm"].why
+    await field.until(lambda: field.state("arm").health == "ok")
+    assert (await field.say("arm", {"command": "walk"})).ok
+    (process,) = set(field.place.processes("arm"))
+    await field.stop(b'["arm"]')
+    await field.until(lambda: field.state("arm").emergency_stop)
+    field.rename("arm", "leg", worker="limb")
+    done = (await field.apply())["leg"]
+    assert (done.kind, done.outcome) == (ChangeKind.RENAMED, Outcome.DONE), done.why
+    await field.until(lambda: field.state("leg").health == "ok" and field.state("leg").emergency_stop)
+    assert not psutil.pid_exists(process)
+    (process,) = set(field.place.processes("leg"))
+    field.remove("leg")
+    assert (await field.apply())["leg"].outcome is Outcome.DONE
+    assert sorted(field.names()) == ["max", "rex"]
+    assert field.edge._workers.managers == {}
+    assert not psutil.pid_exists(process)
+    assert [field.place.words(name) for name in ("rex", "max")] == [["run"], ["run"]]
+    assert (await field.ask()).same
+
+
+async def test_a_robot_is_added_to_a_worker_and_taken_out_while_its_others_rest(yard, run_edge, asks):
+    limbs = {"worker": "limbs"}
+    async with running(yard, run_edge, asks, rex=HERE, arm=limbs) as there:
+        field = Yard(there.place, there.edge, there.bus_session, asks)
+        await moves(field, "arm")
+        field.add("leg", **limbs)
+        done = (await field.apply())["leg"]
+        assert (done.outcome, "arm is commanded" in done.why) == (Outcome.FAILED, True)
+        assert sorted(field.names()) == ["arm", "rex"]
+        assert field.place.words("arm") == ["run", "navigate"]
+        assert (await field.say("arm", {"command": "stop"})).ok
+        await field.until(lambda: field.state("arm").activity == "")
+        assert (await field.apply())["leg"].outcome is Outcome.DONE
+        await field.until(lambda: field.state("leg").health == "ok")
+        await field.until(lambda: field.state("arm").health == "ok")
+        field.remove("leg")
+        assert (await field.apply())["leg"].outcome is Outcome.DONE
+        assert sorted(field.names()) == ["arm", "rex"]
+        await field.until(lambda: field.state("arm").health == "ok")
+        assert field.place.words("rex") == ["run"]

@@ -108,7 +108,7 @@ async def test_an_action_that_was_cut_off_fails_once_and_is_not_begun_again(rest
     await asks.until(lambda: bench.puppet.told)
     for statuses, words in (([("a1", "failed")], ["stop"]), ([], [])):
         bench = restarted()
-        bench.controller.recall()
+        bench.controller.statuses.recall()
         told = [one for one in bench.reports if isinstance(one, NavigationReport)]
         assert [(one.action_id, one.state) for one in told] == statuses
         bench.ask(asks.goal("a1"))

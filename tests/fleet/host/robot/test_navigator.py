@@ -9,7 +9,7 @@ import pytest
 from fleet.errors import LinkLost
 from fleet.host.journal.journal import RobotJournal
 from fleet.host.requests.receipt import Receipt
-from fleet.host.robot.navigator import KEPT, Navigator
+from fleet.host.robot.navigator import Navigator
 from fleet.model.geometry import Vector3
 from fleet.model.navigation import FollowPath, Goal, GoTo, Navigate, Progress, RelativeMove
 from fleet.testing.clock import ManualClock
@@ -193,34 +193,9 @@ async def test_a_repeated_id_gets_the_last_status_and_the_same_answers(bench, as
     first = bench.start()
     await asks.settle()
     again = []
-    assert bench.navigator.repeated("a1", Receipt("navigate", again.append, waits=True))
+    assert bench.navigator.statuses.repeated("a1", Receipt("navigate", again.append, waits=True))
     bench.go.set()
     await asks.settle()
     assert bench.states() == ["queued", "running", "running", "completed"]
     assert again == first
     assert len(bench.tasks) == 1
-
-
-async def test_a_goal_that_was_refused_is_refused_when_it_is_delivered_again(bench):
-    receipt = Receipt("navigate", lambda _: None)
-    receipt.reject("it is offline")
-    bench.navigator.refuse(Navigate(GoTo(Goal(Vector3())), "a1"), "it is offline", receipt)
-    again = []
-    assert bench.navigator.repeated("a1", Receipt("navigate", again.append))
-    assert [answer.reason for answer in again] == ["it is offline"]
-    assert bench.states() == ["failed", "failed"]
-
-
-async def test_unknown_and_empty_ids_are_no_repeats(bench, asks):
-    bench.start(action="")
-    await asks.settle()
-    assert not bench.navigator.repeated("", Receipt("navigate", lambda _: None))
-    assert not bench.navigator.repeated("a9", Receipt("navigate", lambda _: None))
-
-
-async def test_only_so_many_are_remembered(bench, asks):
-    for number in range(KEPT + 5):
-        bench.start(action=f"a{number}")
-    await asks.settle()
-    assert not bench.navigator.knows("a0")
-    assert bench.navigator.knows(f"a{KEPT + 4}")

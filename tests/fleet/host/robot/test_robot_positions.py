@@ -216,3 +216,21 @@ async def test_robots_in_workers_are_judged_against_each_other_too(yard, run_edg
     assert (onto_ugv[0]["status"], "0.0 m from ugv" in onto_ugv[0]["reason"]) == ("rejected", True)
     assert first[0]["status"] == ReplyStatus.ACCEPTED
     assert "from dog's way" in meets[0]["reason"]
+
+
+def test_a_robot_that_another_process_has_no_more_is_forgotten_and_one_that_is_new_is_known(clock):
+    here, there = (RobotPositions(SITE, ("rex",), clock, edge="yard") for _ in range(2))
+    joined(there, clock, "ada", (3.0, 0.0, 0.0)).see(Pose())
+    sheet = there.sheet()
+    here.hear(sheet, "yard", "limbs")
+    assert here.one("ada").at.x == 3.0
+    there.leave("ada")
+    here.hear(there.sheet(), "yard", "legs")
+    assert here.one("ada") is not None, "only who told of it, or the edge's own process, takes it back"
+    here.hear(there.sheet(), "yard", "main")
+    assert here.one("ada") is None
+    assert here.alone
+    here.hear(sheet, "yard", "limbs")
+    assert here.one("ada") is not None, "it was added again"
+    here.hear(there.sheet(), "yard", "limbs")
+    assert here.one("ada") is None

@@ -55,7 +55,7 @@ async def test_a_worker_that_dies_afterwards_comes_up_with_what_it_was_held_to(f
     field.write("arm", limits={"yaw_rate": 9.0}, accepts={"command": ["edit"]})
     assert (await field.apply())["arm"].outcome is Outcome.PARTLY
     field.bus_session.put(keys.stop(field.place.id), b"", urgent=True)
-    task = json.loads(field.edge._workers["limbs"]._task)
+    task = json.loads(field.edge._workers.managers["limbs"]._task)
     (given,) = [json.loads(robot["given"]) for robot in task["robots"] if robot["name"] == "arm"]
     assert given["accepts"]["command"] == []
     assert given["limits"]["yaw_rate"] == 1.0
@@ -69,7 +69,7 @@ async def test_a_stop_finds_the_robots_of_a_group_that_came_while_the_edge_runs(
     field.bus_session.put(keys.stop(field.place.id), b'["crew"]', urgent=True)
     await field.until(lambda: field.state("arm").emergency_stop and field.state("rex").emergency_stop)
     assert not field.state("leg").emergency_stop
-    assert json.loads(field.edge._workers["limbs"]._task)["groups"] == {"crew": ["arm", "rex"]}
+    assert json.loads(field.edge._workers.managers["limbs"]._task)["groups"] == {"crew": ["arm", "rex"]}
     field.place.change(groups={})
     assert (await field.apply())["groups"].outcome is Outcome.DONE
     assert field.edge.state().groups == {}

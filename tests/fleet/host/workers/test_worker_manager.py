@@ -260,7 +260,7 @@ async def test_a_worker_has_neither_the_clouds_token_nor_the_edges_environment(
     cloud = {"host": "127.0.0.1", "port": broker.port, "tls": False, "token": "canary-token"}
     place.change(cloud=cloud)
     edge = place.edge()
-    (manager,) = edge._workers.values()
+    (manager,) = edge._workers.managers.values()
     task = manager._task
     assert b"canary" not in task
     assert [robot["name"] for robot in msgspec.json.decode(task)["robots"]] == ["arm"]
