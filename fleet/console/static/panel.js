@@ -305,14 +305,14 @@ function draw() {
   part("body", drawn && bodyKey(robot), () => (drawn ? bodyOf(robot) : []));
   const seen = robot && now && store.photos[robot.id];
   part("photo", seen && photoKey(robot), () => (seen ? photoOf(robot) : []));
-  const films = robot && now && operates() && described?.commands.some((command) => command.name === "start_video");
-  part("video", films && videoKey(robot), () => (films ? videoOf(robot) : []));
   const drives = robot && described?.drives && operates() ? described : null;
   part("driving", drives && [robot.id, drives.limits], () => (drives ? [element("h3", {}, "Drive by hand"), padOf(robot, drives)] : noPad() || []));
   // While a form is open, nothing that is told replaces what is typed into it.
   part("asking", robot && now && [robot.id, opened || described, robot.run, store.permission], () => (robot && now ? commands(robot) : []));
   const others = robot && now && operates() && isAnothers(robot);
   part("control", others && [robot.id, robot.control], () => (others ? [askButton(robot)] : []));
+  const films = robot && now && operates() && described?.commands.some((command) => command.name === "start_video");
+  part("video", films && videoKey(robot), () => (films ? videoOf(robot) : []));
   part("plots", robot && now && [robot.id, plotsKey(robot)], () => (robot && now ? plots(robot) : []));
   part("history", robot && now && [robot.id, past], () => (robot && now ? history(robot) : []));
   part("events", !now && [store.past.events, chosen.map((each) => each.id)], () => (now ? [] : events(chosen)));
