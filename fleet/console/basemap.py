@@ -1,32 +1,106 @@
 """The map under the robots: pictures from an archive on this computer, and where the site is on them.
 
-Read with ``pmtiles`` from a file that fleet.yaml names (``console.map``); nothing comes from a network. What
-is wrong with the archive costs the picture, never the console.
+The archive (PMTiles version 3) is a file that fleet.yaml names (``console.map``); nothing comes from a
+network. What is wrong with it costs the picture, never the console, which relays stops: it is read by
+``pread`` (a file that is cut while it is mapped would end the process), one picture at a time, and each
+directory of it is decoded once, within bounds.
 """
 
 from __future__ import annotations
 
 import asyncio
+import json
 import logging
+import os
 import zlib
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
-from pmtiles.reader import MmapSource, Reader
+from pmtiles.tile import (
+    Compression,
+    Entry,
+    HeaderDict,
+    deserialize_directory,
+    deserialize_header,
+    find_tile,
+    zxy_to_tileid,
+)
 
 from fleet.clock import Clock
-from fleet.config.basemap import MEDIA_TYPES, archive_problem
+from fleet.config.basemap import HEAD, MEDIA_TYPES, archive_problem
 from fleet.console.files import PageFile
 from fleet.console.task import Basemap
 from fleet.runtime.rate_limited_counter import RateLimitedCounter
 
 log = logging.getLogger(__name__)
 
-LARGEST = 2 * 1024 * 1024  # bytes of one picture
+LARGEST = 2 * 1024 * 1024  # bytes of one picture, of the metadata
+LARGEST_DIRECTORY = 512 * 1024  # bytes as they are decoded; some 80,000 entries
+KEPT = 64  # directories that are kept decoded
+DEPTH = 4  # directories from the root to a picture, at most
 DEEPEST = 24  # the zoom at which a picture shows less than a metre
 LONGEST_ATTRIBUTION = 300  # characters
+_GZIP = 31  # zlib's window for data with gzip's head
 _BROKEN = (ValueError, LookupError, TypeError, AttributeError, EOFError, OSError, zlib.error, OverflowError)
 """What ``pmtiles`` raises for an archive that is cut or damaged."""
+
+
+class Archive:
+    """An open archive; blocks. All its methods raise what ``_BROKEN`` names for what cannot be read."""
+
+    def __init__(self, path: Path) -> None:
+        self._file = os.open(path, os.O_RDONLY | os.O_CLOEXEC)
+        head = self._read(0, HEAD)
+        if problem := archive_problem(head):
+            raise ValueError(problem)
+        self.media_type = MEDIA_TYPES[head[99]]
+        self.header: HeaderDict = deserialize_header(head)
+        self._directory = lru_cache(KEPT)(self._decoded)
+
+    def metadata(self) -> dict[str, Any]:
+        """Return what the archive says of itself."""
+        data = self._read(self.header["metadata_offset"], self.header["metadata_length"])
+        if self.header["internal_compression"] == Compression.GZIP:
+            data = _unzipped(data, LARGEST)
+        found = json.loads(data)
+        return found if isinstance(found, dict) else {}
+
+    def tile(self, zoom: int, column: int, row: int) -> bytes | None:
+        """Return the bytes of a picture, None where there is none."""
+        header, number = self.header, zxy_to_tileid(zoom, column, row)
+        offset, length = header["root_offset"], header["root_length"]
+        for _ in range(DEPTH):
+            found = find_tile(self._directory(offset, length), number)
+            if found is None:
+                return None
+            if found.run_length:
+                return self._read(header["tile_data_offset"] + found.offset, found.length)
+            offset, length = header["leaf_directory_offset"] + found.offset, found.length
+        return None
+
+    def _decoded(self, offset: int, length: int) -> list[Entry]:
+        """Read a directory."""
+        data = self._read(offset, length)
+        _unzipped(data, LARGEST_DIRECTORY)  # ``pmtiles`` sets no bound
+        return deserialize_directory(data)
+
+    def _read(self, offset: int, length: int) -> bytes:
+        """Read a part of the file; raises EOFError when it is shorter, ValueError for more than it may be."""
+        if length > LARGEST:
+            raise ValueError(f"a part of it has {length} bytes")
+        data = os.pread(self._file, length, offset)
+        if len(data) < length:
+            raise EOFError("it ends too soon")
+        return data
+
+
+def _unzipped(data: bytes, most: int) -> bytes:
+    """Return data without its compression; raises ValueError beyond ``most`` bytes."""
+    out = zlib.decompressobj(_GZIP).decompress(data, most + 1)
+    if len(out) > most:
+        raise ValueError(f"a part of it has more than {most} bytes")
+    return out
 
 
 class MapTiles:
@@ -35,8 +109,8 @@ class MapTiles:
     def __init__(self, basemap: Basemap, clock: Clock) -> None:
         self.told: dict[str, Any] = {"origin": basemap.origin}
         self._failed = RateLimitedCounter(log, clock)
-        self._media_type = ""
-        self._reader: Reader | None = None
+        self._reading = asyncio.Lock()
+        self._archive: Archive | None = None
         try:
             self._open(Path(basemap.path))
         except _BROKEN as error:
@@ -44,30 +118,22 @@ class MapTiles:
 
     def _open(self, path: Path) -> None:
         """Open the archive; raises what is wrong with it."""
-        with path.open("rb") as file:
-            source = MmapSource(file)
-        head = source(0, 127)
-        if problem := archive_problem(head):
-            raise ValueError(problem)
-        reader = Reader(source)
-        header = reader.header()
-        least, most = int(header["min_zoom"]), int(header["max_zoom"])
+        archive = Archive(path)
+        least, most = int(archive.header["min_zoom"]), int(archive.header["max_zoom"])
         if not 0 <= least <= most <= DEEPEST:
             raise ValueError(f"its zooms are {least} to {most}")
-        words = str(reader.metadata().get("attribution", ""))[:LONGEST_ATTRIBUTION]
+        words = str(archive.metadata().get("attribution", ""))[:LONGEST_ATTRIBUTION]
         self.told |= {"zooms": [least, most], "attribution": words}
-        self._media_type = MEDIA_TYPES[head[99]]
-        self._reader = reader
+        self._archive = archive
 
     async def tile(self, zoom: int, column: int, row: int) -> PageFile | None:
         """Return a picture; None where the archive has none, or none that can be read."""
-        if self._reader is None or zoom > DEEPEST or max(column, row) >= 2**zoom:
+        if self._archive is None or zoom > DEEPEST or max(column, row) >= 2**zoom:
             return None
         try:
-            found = await asyncio.to_thread(self._reader.get, zoom, column, row)
+            async with self._reading:
+                found = await asyncio.to_thread(self._archive.tile, zoom, column, row)
         except _BROKEN as error:
             self._failed.add("", "a picture of the map cannot be read: %s", error)
             return None
-        if not found or len(found) > LARGEST:
-            return None
-        return PageFile(found, self._media_type)
+        return PageFile(found, self._archive.media_type) if found else None

@@ -56,6 +56,8 @@ class Channels:
             if payload and not self._is_idle(edge, key, received, wanted):
                 made = [self._sample(each, received) for each in self._reader.read(edge, key, payload)]
                 known = [each for each in made if each is not None]
+                if len(self._seen) >= MOST:  # keys of robots that are gone, or that somebody makes up
+                    self._seen.clear()
                 self._seen[edge, key] = _Seen(frozenset(each.channel for each in known), received)
                 found += known
         return found

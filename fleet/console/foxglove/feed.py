@@ -89,19 +89,24 @@ class Feed:
         loop = asyncio.get_running_loop()
         try:
             while self._viewers:
-                for edge, bus in self._joined.items():
+                for edge, bus in list(self._joined.items()):  # which may change while one is asked
                     if edge not in heard or heard[edge].bus is not bus:
                         heard[edge] = _Heard(bus)
-                        await asyncio.to_thread(self._begin, edge, heard[edge], loop)
+                        await self._begin_guarded(edge, heard[edge], loop)
                 for token in self._viewers.values():
                     self.tokens.renew(token)
                 await asyncio.sleep(LOOK)
-        except Exception:
-            log.exception("the live view for Foxglove hears nothing more until it is opened again")
         finally:
             self._hearing = None
             live = [each for edge, each in heard.items() if self._joined.get(edge) is each.bus]
             await asyncio.gather(*(asyncio.to_thread(each.end) for each in live), return_exceptions=True)
+
+    async def _begin_guarded(self, edge: str, heard: _Heard, loop: asyncio.AbstractEventLoop) -> None:
+        """Hear the bus of an edge; what goes wrong there takes the others away from nobody."""
+        try:
+            await asyncio.to_thread(self._begin, edge, heard, loop)
+        except Exception:
+            log.exception("the live view for Foxglove does not hear edge %s", edge)
 
     def _begin(self, edge: str, heard: _Heard, loop: asyncio.AbstractEventLoop) -> None:
         """Hear the bus of an edge, and ask for what is published rarely; blocks."""

@@ -9,6 +9,7 @@ const FLATTENED = 0.00669437999014; // first eccentricity squared, WGS 84
 const PIXELS = 256; // of a picture, each way
 const MOST_SHOWN = 400; // pictures; a view that needs more shows none
 const MOST_KEPT = 600;
+const AGAIN = 5000; // ms until a picture that could not be had is asked for again
 const CORRECTIONS = 3; // of the inverse, which has no closed form
 const rad = Math.PI / 180;
 
@@ -64,7 +65,8 @@ function zoomShown() {
 
 async function fetchPicture(address) {
   const answer = await fetch(address, { headers: window.fleetPage.headers() });
-  if (answer.status !== 200) return;
+  if (answer.status === 204) return; // there is none
+  if (answer.status !== 200) throw new Error(answer.statusText);
   pictures.set(address, await createImageBitmap(await answer.blob()));
   map.dirty = true;
 }
@@ -73,7 +75,7 @@ function pictureAt(address) {
   if (!pictures.has(address)) {
     pictures.set(address, null);
     if (pictures.size > MOST_KEPT) pictures.delete(pictures.keys().next().value);
-    fetchPicture(address).catch(() => pictures.delete(address)); // asked again when it is needed again
+    fetchPicture(address).catch(() => setTimeout(() => pictures.delete(address), AGAIN));
   }
   return pictures.get(address);
 }

@@ -3,6 +3,7 @@
 import asyncio
 import json
 import math
+import os
 import random
 
 import pytest
@@ -97,6 +98,21 @@ def test_a_damaged_archive_costs_the_picture_and_nothing_else(archive, tmp_path)
         tiles = MapTiles(Basemap(str(damaged), ORIGIN), ManualClock())
         assert tiles.told["origin"] == ORIGIN
         asyncio.run(tiles.tile(ZOOM, COLUMN, ROW))
+
+
+def test_an_archive_that_is_overwritten_or_cut_while_it_is_shown_costs_only_its_pictures(archive, tmp_path):
+    copy = tmp_path / "area.pmtiles"
+    copy.write_bytes(archive.read_bytes())
+    tiles = MapTiles(Basemap(str(copy), ORIGIN), ManualClock())
+    os.truncate(copy, 200)
+    assert asyncio.run(tiles.tile(ZOOM, COLUMN, ROW)) is None
+
+
+def test_a_directory_that_is_too_large_is_not_decoded(tmp_path, module_at, monkeypatch):
+    monkeypatch.setattr("fleet.console.basemap.LARGEST_DIRECTORY", 100)
+    tiles = {(9, column, 0): b"%d" % column for column in range(200)}
+    path = module_at("tools/map_archive.py").write_archive(tmp_path / "area.pmtiles", tiles)
+    assert asyncio.run(MapTiles(Basemap(str(path), ORIGIN), ManualClock()).tile(9, 0, 0)) is None
 
 
 @pytest.fixture(scope="module")

@@ -1,5 +1,6 @@
 """The live view, as Foxglove sees it: a WebSocket by its published protocol, of a console with an edge."""
 
+import asyncio
 import contextlib
 import json
 import struct
@@ -13,10 +14,13 @@ from websockets.sync.client import connect
 from fleet.bus import keys
 from fleet.bus.bus import open_edge
 from fleet.bus.settings import BusSettings
+from fleet.clock import SystemClock
+from fleet.console.foxglove.feed import Feed
 from fleet.console.foxglove.protocol import PROTOCOLS
 from fleet.console.foxglove.viewer import MOST_BAD
 from fleet.console.links import LinkAsked, ask_link
 from fleet.console.task import link_socket
+from fleet.errors import BusError
 from fleet.model.geometry import Quaternion, Vector3
 from fleet.model.permission import Permission
 from fleet.model.report import LogReport, PoseReport
@@ -255,3 +259,38 @@ def test_more_viewers_than_it_serves_are_told_to_come_again(open_viewer):
     assert ended.value.rcvd.code == 1013
     viewers[0].ask("x")
     viewers[0].until(lambda: viewers[0].statuses)
+
+
+class StillSocket:
+    """A viewer that asks for nothing."""
+
+    scope = {"subprotocols": list(PROTOCOLS)}
+
+    async def accept(self, _protocol):
+        pass
+
+    async def send_text(self, _text):
+        pass
+
+    async def receive(self):
+        await asyncio.Event().wait()
+
+
+async def test_an_edge_that_joins_while_another_is_asked_is_heard_and_one_that_fails_takes_none_away(caplog):
+    joined = {"a": object(), "b": object()}
+    feed, begun = Feed(joined, SystemClock()), asyncio.Event()
+    loop = asyncio.get_running_loop()
+
+    def begin(edge, _heard, _loop):
+        joined["c"] = object()
+        if edge == "a":
+            raise BusError("it does not answer")
+        if edge == "c":
+            loop.call_soon_threadsafe(begun.set)
+
+    feed._begin = begin
+    viewing = asyncio.create_task(feed.serve(StillSocket(), feed.tokens.new()))
+    await asyncio.wait_for(begun.wait(), DEADLINE)
+    assert "does not hear edge a" in caplog.text
+    viewing.cancel()
+    await asyncio.gather(viewing, return_exceptions=True)
