@@ -139,7 +139,9 @@ class Downlink:
 
     def _arrived(self, message: CloudMessage, now: float) -> None:
         """Read one message."""
-        route = self._known.get(message.topic) or self._find(message)
+        route = self._known.get(message.topic)
+        if route is None or (route.port is not None and route.port is not self._ports.get(route.topic.twin)):
+            route = self._find(message)  # also where another thread found it just before its robot changed
         if route is None or (message.retain and self._kept.counted(message.topic, message.payload)):
             return
         asked = self._read(route, route.port, message) if route.port else None

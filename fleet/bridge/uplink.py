@@ -104,9 +104,9 @@ class Uplink:
 
     def arrived(self, key: str, sample: bytes) -> None:
         """Take a sample from the bus; any thread, never blocks."""
-        if key in self._slots:
-            slot = self._slots[key]
-        else:
+        try:
+            slot = self._slots[key]  # one look: another thread may drop it
+        except KeyError:
             slot = self._meet(key)
             if slot is not None and not slot.document:
                 _tell_unread(slot, sample, self.refusals)
@@ -124,7 +124,10 @@ class Uplink:
         From then on nobody else's do: a robot's state is its own to tell. Of events others tell theirs, but
         none in the fleet's name.
         """
-        slot = self._slots[key] if key in self._slots else self._meet(key)
+        try:
+            slot = self._slots[key]
+        except KeyError:
+            slot = self._meet(key)
         if slot is not None:
             slot.ours = True
         return slot

@@ -93,6 +93,7 @@ class CloudClient:
         self._closed = threading.Event()
         self._patience = 0.0
         self._connection: MqttConnection | None = None
+        self._session: MqttSession | None = None
         self._flushing = False
         self._queued = False  # something was, for later, since the last ``flush_queued``
 
@@ -252,7 +253,7 @@ class CloudClient:
 
     async def _serve(self) -> CloudError:
         """Carry one connection from its beginning to its end; return why it ended."""
-        session = MqttSession(self._settings, self._subscriptions, self._outbox, self.stats)
+        session = self._session = MqttSession(self._settings, self._subscriptions, self._outbox, self.stats)
         try:
             async with asyncio.timeout(self._settings.connect_timeout):
                 opened = await endpoint.open_socket(self._settings, self._tls)
@@ -274,6 +275,7 @@ class CloudClient:
             if left:
                 left.give_up(CloudError("given up"))
             session.end()
+            self._session = None
 
     async def _serve_ready(self, connection: MqttConnection, session: MqttSession) -> CloudError:
         """Be connected until the connection ends; return why, or raise SessionRefused."""
@@ -299,6 +301,8 @@ class CloudClient:
             await asyncio.sleep(self._connection.patience if self._connection else 1.0)
             if self._connection:
                 self._connection.watch()
+            if self.state is CloudState.CONNECTED and self._session is not None:  # a broker may refuse later
+                self._set_state(CloudState.CONNECTED, "; ".join(self._session.problems))
             self._outbox.tick()
             self._flush_now()
 

@@ -24,7 +24,8 @@ class Subscriptions:
         return bool(self._asked)
 
     def begin(self) -> Iterator[mqtt5.Packet]:
-        """Yield what asks for all filters."""
+        """Yield what asks for all filters; what was asked for before counts no more."""
+        self._asked.clear()
         return self._subscribe(self._filters.items())
 
     def change(self, filters: Mapping[str, int]) -> Iterator[mqtt5.Packet]:

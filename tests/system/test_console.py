@@ -22,11 +22,13 @@ WAIT = 60_000  # ms
 
 
 @pytest.fixture
-def demo(fleet):
+def demo(program, fleet):
+    """Run the demo, which ends after the page is closed; without a browser the test ends before it."""
+    program("chromium")
     return fleet("demo", "--drones", "1", "--ugvs", "1", "--dogs", "0", "--json")
 
 
-def test_the_demo_prints_a_link_to_a_page_where_a_click_moves_a_robot_and_escape_stops_it(page, demo):
+def test_the_demo_prints_a_link_to_a_page_where_a_click_moves_a_robot_and_escape_stops_it(demo, page):
     link = demo.line(r"console +(http://127\.0\.0\.1:\d+/#token=\S+)")[1]
     demo.robot("ugv-1", "is well", lambda state: state["health"] == "ok")
     demo.robot("drone-1", "is well", lambda state: state["health"] == "ok")

@@ -376,6 +376,10 @@ def test_no_edge_takes_over_with_another_file_until_a_person_accepts_it(pair):
     said = subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
     assert said.returncode == 0, said.stderr
     wait_until("it has the robots", lambda: other.has_role("holder"))
+    said = subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
+    assert said.returncode != 0, "it was asked once more, and hands nothing over"
+    assert "waits for no other file" in said.stdout + said.stderr
+    assert other.has_role("holder")
     other.end()
     other.file = kept
     for computer in (other, holder):

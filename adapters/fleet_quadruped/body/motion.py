@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 from fleet_quadruped.body.measured import ZEROS, Targets
-from fleet_quadruped.robot.description import DogDescription
+from fleet_quadruped.robot.description import DogDescription, Joint
 from fleet_quadruped.robot.names import Twelve
 
 Path = Callable[[float], Twelve]
@@ -70,7 +71,7 @@ def folding(dog: DogDescription, start: Twelve, seconds: float = _FOLD_TIME) -> 
 
 
 def freeing(dog: DogDescription, start: Twelve) -> PostureMotion:
-    """Stretch the knees first where a leg lies across the body, then fold.
+    """Stretch all knees first where a leg lies across the body, then fold.
 
     A leg whose hip is far from its folded angle lies under or across the body. Folding it at once pulls the
     foot against the body, where soft joints (MIT) stay stuck.
@@ -79,8 +80,17 @@ def freeing(dog: DogDescription, start: Twelve) -> PostureMotion:
     hips = range(1, 12, 3)
     if max(abs(start[hip] - fold[hip]) for hip in hips) <= _TRAPPED:
         return folding(dog, start)
-    stretched = tuple(angle + (_STRETCH if joint % 3 == 2 else 0.0) for joint, angle in enumerate(start))
+    stretched = tuple(
+        _straighter(angle, joint) if number % 3 == 2 else angle
+        for number, (angle, joint) in enumerate(zip(start, dog.all_joints, strict=True))
+    )
     return PostureMotion(start, [Segment(_STRETCH_TIME, stretched), Segment(_FOLD_TIME, fold)])
+
+
+def _straighter(angle: float, joint: Joint) -> float:
+    """Return a knee's angle nearer to the straight leg (0 rad), however it points, within its limits."""
+    wanted = angle - math.copysign(min(_STRETCH, abs(angle)), angle)
+    return min(max(wanted, min(joint.low, angle)), max(joint.high, angle))
 
 
 def rising(dog: DogDescription, start: Twelve, height: float) -> PostureMotion:

@@ -243,7 +243,9 @@ class Standby:
         """Hand the lease over, as somebody asks; on the bus's thread."""
 
         def hand_over() -> None:
-            if question.payload == ACCEPT and self._keeper.lease.differs:
+            if question.payload == ACCEPT and not self._keeper.lease.differs:
+                reply = Reply(FAILOVER, ReplyStatus.REJECTED, f"edge {self._edge} waits for no other file")
+            elif question.payload == ACCEPT:
                 log.warning("the robots of edge %s are taken over with another file", self._other)
                 self._keeper.accept()
                 reply = Reply(FAILOVER, ReplyStatus.ACCEPTED)

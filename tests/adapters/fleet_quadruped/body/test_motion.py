@@ -2,7 +2,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from fleet_quadruped.body.motion import folding, freeing, rising, rolling, sitting
+from fleet_quadruped.body.motion import _straighter, folding, freeing, rising, rolling, sitting
 from fleet_quadruped.robot.description import EXAMPLE, load_description
 
 DOG = load_description(EXAMPLE)
@@ -43,6 +43,23 @@ def test_a_leg_that_lies_across_the_body_is_stretched_before_it_is_folded():
     knees = [motion.step(0.01).angles[5] for _ in range(60)]
     assert max(knees) > start[5] + 0.8
     assert last(motion) == pytest.approx(FOLD)
+
+
+@given(within)
+def test_a_leg_is_stretched_within_the_limits_of_its_knee(start):
+    crossed = (*start[:4], FOLD[4] - 1.4, *start[5:])
+    motion = freeing(DOG, crossed)
+    stretched = [motion.step(0.01).angles for _ in range(60)][-1]
+    for number in (2, 5, 8, 11):
+        joint = DOG.all_joints[number]
+        assert joint.low <= stretched[number] <= joint.high
+        assert abs(stretched[number]) <= abs(start[number]) + 1e-9
+
+
+def test_a_knee_that_points_forward_is_stretched_the_other_way():
+    forward = DOG.all_joints[2]._replace(low=0.4, high=2.75)
+    assert _straighter(1.5, forward) == pytest.approx(0.6)
+    assert _straighter(1.0, forward) == pytest.approx(0.4)
 
 
 def test_legs_that_lie_free_are_folded_at_once():
