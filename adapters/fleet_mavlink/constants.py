@@ -29,6 +29,7 @@ class Cmd(enum.IntEnum):
     NAV_LAND = 21
     NAV_TAKEOFF = 22
     NAV_LOITER_TO_ALT = 31
+    NAV_VTOL_LAND = 85
     CONDITION_YAW = 115
     DO_SET_MODE = 176
     DO_CHANGE_SPEED = 178
