@@ -5,7 +5,7 @@ import asyncio
 import msgspec
 import pytest
 
-from fleet import FlyMission, GeoOrigin, PlanItem, Refused, Vector3
+from fleet import FlyMission, GeoOrigin, NotReady, PlanItem, Refused, Vector3
 from fleet.model.geodesy import geo_from_world
 from fleet_mavlink.sim.spec import ZURICH
 
@@ -51,5 +51,18 @@ def test_a_vtol_lands_with_its_rotors_where_its_plan_ends_and_stands_when_it_is_
             assert not it.armed
             assert it.height == 0.0
             assert abs(it.place[0]) < 5.0
+
+    fly(main())
+
+
+def test_a_landing_waits_until_it_has_told_whether_it_has_rotors(fly, sky):
+    async def main():
+        async with sky("ardupilot", vehicle="vtol", limits={"speed": 30.0}) as it:
+            await it.met()
+            await it.until(lambda: it.state.vtol_state and len(it.state.settings) > 2)
+            vehicle = it.adapter._session.vehicle
+            vehicle.state = msgspec.structs.replace(vehicle.state, vtol_state=None)
+            with pytest.raises(NotReady, match="whether it lands with rotors"):
+                await flown(it, PLAN)
 
     fly(main())
