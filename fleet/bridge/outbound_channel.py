@@ -24,7 +24,7 @@ SLACK = (
 )
 
 
-LOCAL = frozenset({"cloud", "frames", *(rule.channel for rule in INWARD.values())})
+LOCAL = frozenset({"cloud", "frames", "local", *(rule.channel for rule in INWARD.values())})
 """Channels that are for programs on the bus alone."""
 
 

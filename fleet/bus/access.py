@@ -22,6 +22,7 @@ PROGRAM_CHANNELS = (
     "driverlog",
     "event",
     "frames",
+    "local/webrtc_offer",
     "map_update",
     "metrics",
     "model_health",
@@ -142,8 +143,10 @@ def _console_rules(name: str, most: Permission) -> tuple[_Rule, ...]:
     given = [each.word for each in Permission if each <= most]
     asked = [keys.as_console(key, word, name) for key in _OF_CONSOLES for word in given]
     plain = () if most < Permission.ADMIN else (*_OF_CONSOLES, *_OF_COMMAND_LINES)
+    watches = (_Rule(("put",), ("cw/*/data/local/webrtc_answer",)),) if most >= Permission.OPERATE else ()
     return (
         _Rule(("query",), ("fleet/*/history", *asked, *plain)),
+        *watches,
         *((_Rule(("liveliness_token",), ("fleet/*/starts/*",)),) if plain else ()),
     )
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterable, Iterator
+from functools import partial
 from pathlib import Path
 
 import click
@@ -17,12 +18,12 @@ from fleet.config.load import load
 from fleet.errors import NotRunning
 from fleet.host.logs.folders import log_folder, log_folders
 from fleet.host.logs.line_format import FORMAT, LogLine, as_text
-from fleet.runtime.decoding import json_decoder
+from fleet.runtime.decoding import decode_with, json_decoder
 from fleet.spool.state_folder import state_folder
 
 LOOK = 0.25  # s between looks for more
 _LAST = 100
-_decode = json_decoder(LogLine).decode
+_decode = partial(decode_with, json_decoder(LogLine))
 
 
 @click.command()

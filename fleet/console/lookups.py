@@ -1,4 +1,4 @@
-"""What a page asks about without changing anything: history, causes of stops, configuration, the past."""
+"""What a page asks about without moving anything: history, causes, configuration, the past, live video."""
 
 from __future__ import annotations
 
@@ -7,7 +7,15 @@ from collections.abc import Awaitable, Callable, Mapping
 from typing import TYPE_CHECKING, Any
 
 from fleet.console import commands, configuration
-from fleet.console.requests import CausesAsked, ConfigAsked, ExtentAsked, HistoryAsked, MomentAsked
+from fleet.console.requests import (
+    CausesAsked,
+    ConfigAsked,
+    ExtentAsked,
+    HistoryAsked,
+    MomentAsked,
+    VideoAnswered,
+    VideoAsked,
+)
 from fleet.errors import Refused
 
 if TYPE_CHECKING:
@@ -28,6 +36,8 @@ class Lookups:
             ConfigAsked: self._config,
             ExtentAsked: self._extent,
             MomentAsked: self._moment,
+            VideoAsked: self._video,
+            VideoAnswered: self._video_answer,
         }
 
     async def _causes(self, asked: CausesAsked) -> dict[str, object]:
@@ -58,3 +68,12 @@ class Lookups:
             return {"moment": await self._hub.pasts.moment(asked.at)}
         finally:
             self._travels = False
+
+    async def _video(self, asked: VideoAsked) -> dict[str, object]:
+        """Return the next offer of a robot's live video."""
+        return {"offer": await self._hub.edges.watched.offers.next(asked.robot)}
+
+    async def _video_answer(self, asked: VideoAnswered) -> dict[str, object]:
+        """Pass the page's answer on to the program that sends the video."""
+        self._hub.edges.watched.answer_offer(asked, self._hub.clock.time())
+        return {"done": True}

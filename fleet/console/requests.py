@@ -13,6 +13,7 @@ from fleet.runtime.decoding import json_decoder
 
 MOST_ROBOTS = 1000  # in one request
 LONGEST_WORD = 200  # characters of an identity, a name, a reason
+LONGEST_SDP = 12_000  # characters of a session description
 FASTEST = 50.0  # m/s or rad/s; each robot's own limits are the edge's business
 
 Speed = Annotated[float, msgspec.Meta(ge=-FASTEST, le=FASTEST)]
@@ -170,6 +171,24 @@ class ConfigAsked(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_f
     edge: str
 
 
+class VideoAsked(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field="ask", tag="video"):
+    """Tell the next offer of live video of a watched robot; asked before ``start_video`` is sent."""
+
+    request: str
+    robot: str
+
+
+class VideoAnswered(
+    msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field="ask", tag="video_answer"
+):
+    """Answer an offer of live video with the page's own session description."""
+
+    request: str
+    robot: str
+    sensor: str
+    sdp: Annotated[str, msgspec.Meta(max_length=LONGEST_SDP)]
+
+
 class PingAsked(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field="ask", tag="ping"):
     """Answer at once, with the same number: the page measures the way and back."""
 
@@ -192,6 +211,8 @@ Request = (
     | ExtentAsked
     | MomentAsked
     | ConfigAsked
+    | VideoAsked
+    | VideoAnswered
 )
 """What is answered by its request's name."""
 Asked = Request | DriveAsked | WatchAsked | PingAsked
@@ -213,12 +234,14 @@ _NEEDS: Mapping[type[object], Permission] = {
     ControlAsked: Permission.OPERATE,
     GiveAsked: Permission.OPERATE,
     ScheduleChange: Permission.OPERATE,
+    VideoAsked: Permission.OPERATE,
+    VideoAnswered: Permission.OPERATE,
     ConfigAsked: Permission.ADMIN,
 }
 """The permission that each request needs; a stop is everybody's."""
 
 
-_WORDS = ("request", "robot", "command", "why", "edge", "name", "run")
+_WORDS = ("request", "robot", "command", "why", "edge", "name", "run", "sensor")
 """Fields that hold a name or a text."""
 
 

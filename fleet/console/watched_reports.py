@@ -14,9 +14,15 @@ from fleet.bus.bus import Bus
 from fleet.console.fleet_view import FleetView
 from fleet.console.numbers import numbers_in
 from fleet.console.photos import Photos
+from fleet.console.requests import VideoAnswered
+from fleet.console.video_offers import VideoOffers
+from fleet.errors import Refused
 from fleet.model.report import PhotoReport
 from fleet.model.state import RobotState
-from fleet.wire.topics import parse_data_key
+from fleet.wire.encoding import encode_finite
+from fleet.wire.samples import json_sample
+from fleet.wire.topics import data_key, parse_data_key
+from fleet.wire.video import LOCAL_ANSWER, LOCAL_OFFER
 
 ANSWER_WITHIN = 2.0  # s for the last picture
 
@@ -31,11 +37,12 @@ class _Watch(msgspec.Struct, frozen=True, eq=False):
 class WatchedReports:
     """The newest reports of watched robots. ``joined`` are the buses by edge, as they are joined.
 
-    ``photos`` are the newest pictures.
+    ``photos`` are the newest pictures, ``offers`` those of live video.
     """
 
     def __init__(self, view: FleetView, joined: Mapping[str, Bus]) -> None:
         self.photos = Photos()
+        self.offers = VideoOffers()
         self._view = view
         self._joined = joined
         self._watched: dict[str, _Watch] = {}
@@ -81,6 +88,8 @@ class WatchedReports:
         for (robot, key), sample in arrived.items():
             if robot in self._watched and key.endswith(f"/{PhotoReport.channel}"):
                 self._take_photo(robot, sample)
+            elif robot in self._watched and key.endswith(f"/{LOCAL_OFFER}"):
+                self.offers.take(robot, sample)
             elif robot in self._watched:
                 found.setdefault(robot, {}).update(numbers_in(key, sample))
         for robot, numbers in found.items():
@@ -91,3 +100,14 @@ class WatchedReports:
         told = self.photos.take(robot, sample)
         if told is not None:
             self._view.put("photos", robot, told)
+
+    def answer_offer(self, asked: VideoAnswered, stamp: float) -> None:
+        """Send a page's answer to an offer of live video; raises Refused for a robot that is not watched."""
+        watch, state = self._watched.get(asked.robot), self._view.states.get(asked.robot)
+        if watch is None or state is None:
+            raise Refused(f"{asked.robot} is not shown by this page")
+        message = {"type": "answer", "target": "edge", "sender": "console", "sdp": asked.sdp}
+        payload = encode_finite(message | {"sensor": asked.sensor, "timestamp": stamp})
+        watch.bus.reports.put(
+            data_key(state.twin, LOCAL_ANSWER), json_sample(payload, stamp=stamp, sequence=0)
+        )

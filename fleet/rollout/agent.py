@@ -78,7 +78,10 @@ class Agent:
     async def run(self, every: float) -> None:
         """Look into the store until cancelled, every so many seconds."""
         while True:
-            await self.turn()
+            try:
+                await self.turn()
+            except Exception:  # an agent that ends takes no bundle that would mend it
+                log.exception("the agent of edge %s failed; it looks again", self._edge)
             await self._sleep(every)
 
     async def turn(self) -> None:

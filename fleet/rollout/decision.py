@@ -82,7 +82,7 @@ ACTIONS: Mapping[Stage, Mapping[Relation, Action]] = {
         Relation.NOTHING: Action.GO_ON,
         Relation.SAME: Action.GO_ON,
         Relation.WITHDRAWN: Action.RETURN,
-        Relation.OTHER: Action.TAKE,
+        Relation.OTHER: Action.RETURN,  # which may be refused, and must find nothing half applied
     },
     Stage.RETURNING: _UNTIL_IT_ENDS,
 }

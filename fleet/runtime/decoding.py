@@ -35,8 +35,19 @@ def msgpack_decoder(kind: object) -> msgspec.msgpack.Decoder[Any]:
 
 def decode_json(data: bytes | str, kind: type[T]) -> T:
     """Decode JSON to a type; raises msgspec.DecodeError (ValidationError is a subclass)."""
-    decoded: T = json_decoder(kind).decode(data)
+    decoded: T = decode_with(json_decoder(kind), data)
     return decoded
+
+
+def decode_with(decoder: msgspec.json.Decoder[T], data: bytes | str) -> T:
+    """Decode JSON with a decoder that is there; raises msgspec.DecodeError, and nothing else.
+
+    A text within the JSON that is no UTF-8 is a UnicodeDecodeError to msgspec itself.
+    """
+    try:
+        return decoder.decode(data)
+    except UnicodeDecodeError as error:
+        raise msgspec.DecodeError(f"JSON is malformed: {error.reason} in a text") from None
 
 
 def convert_strictly(value: object, kind: type[T], *, from_attributes: bool = False) -> T:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import msgspec
 
-from fleet.runtime.decoding import json_decoder
+from fleet.runtime.decoding import decode_with, json_decoder
 
 LONGEST = 65536  # bytes of a message
 LONGEST_REASON = 200  # characters of a stop's reason, and of its request
@@ -126,4 +126,4 @@ encode = msgspec.json.Encoder().encode
 
 def decode(data: bytes) -> Message:
     """Decode a message; raises msgspec.DecodeError."""
-    return _decoder.decode(data)
+    return decode_with(_decoder, data)

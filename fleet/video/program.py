@@ -8,6 +8,7 @@ import itertools
 import logging
 import os
 from collections.abc import Callable, Coroutine, Sequence
+from functools import partial
 from pathlib import Path
 
 import msgspec
@@ -25,7 +26,7 @@ from fleet.wire.encoding import encode_finite
 from fleet.wire.samples import json_sample
 from fleet.wire.streams import CHANNEL, LIFETIME
 from fleet.wire.topics import data_key
-from fleet.wire.video import VideoReply, VideoRequest, read_video_request
+from fleet.wire.video import LOCAL_ANSWER, LOCAL_OFFER, VideoReply, VideoRequest, read_video_request
 
 log = logging.getLogger(__name__)
 
@@ -86,9 +87,9 @@ class _Program:
     def declare(self, key: str) -> None:
         """Serve requests on ``key``, and subscribe to the peer's answers and candidates."""
         self._bus_session.answer(key, self._on_loop(self._asked))
-        self._bus_session.subscribe(
-            data_key(self._twin, "cloud/webrtc_answer"), self._on_loop(self._answered)
-        )
+        for channel, local in (("cloud/webrtc_answer", False), (LOCAL_ANSWER, True)):
+            answered = self._on_loop(partial(self._answered, local))
+            self._bus_session.subscribe(data_key(self._twin, channel), answered)
         self._bus_session.subscribe(
             data_key(self._twin, "cloud/webrtc_candidate"), self._on_loop(self._candidate)
         )
@@ -142,13 +143,15 @@ class _Program:
         if not request.is_for(self._sender.sensor):
             raise WireError(f"{self._sender.sensor!r} is the sensor that is sent here", where="sensor")
         if request.command == "start_video":
-            await self._sender.start(recording=request.recording)
+            await self._sender.start(recording=request.recording, local=request.local)
         else:
             await self._sender.stop()
         self.tell()
 
-    async def _answered(self, _key: str, sample: bytes) -> None:
-        """Handle an answer of the peer."""
+    async def _answered(self, local: bool, _key: str, sample: bytes) -> None:  # noqa: FBT001 - of a partial
+        """Handle an answer of the peer; only the viewer that was offered the stream may answer."""
+        if local is not self._sender.local:
+            return
         try:
             sdp = answer_for(sample, self._sender.sensor)
             if sdp is not None:
@@ -165,7 +168,8 @@ class _Program:
 
     def _offer(self, message: dict[str, object]) -> None:
         """Publish an offer."""
-        self._put(data_key(self._twin, "webrtc_offer"), message)
+        channel = LOCAL_OFFER if self._sender.local else "webrtc_offer"
+        self._put(data_key(self._twin, channel), message)
 
     def _put(self, key: str, message: dict[str, object]) -> None:
         """Publish a document."""

@@ -54,18 +54,24 @@ class VideoSender:
         self._tasks: set[asyncio.Task[Any]] = set()
         self._config: dict[str, object] = {}
         self._starts = 0
+        self.local = False  # whether the viewer of the last start is on the bus
         self._began = 0.0
         self._counted = (0, 0.0)  # frames, and when they were counted
 
-    async def start(self, *, recording: bool) -> None:
+    async def start(self, *, recording: bool, local: bool = False) -> None:
         """Offer the stream, unless it is connected; raises CommandError without a picture or an offer.
 
-        A stream that still waits for an answer is offered again: the last offer may have been lost.
+        A stream that still waits for an answer is offered again: the last offer may have been lost. A viewer
+        on the bus (``local``) does not take the place of one that is connected, nor is it replaced: each
+        would believe that it sees the robot.
         """
         async with self._changing:
             if self._peer is not None and self._peer.connected:
-                return
+                if not (local or self.local):
+                    return
+                raise Refused("its video goes to another viewer", hint="send stop_video first")
             await self._close()
+            self.local = local
             picture = await self._first_picture()
             self._starts += 1
             self._began = self._clock.monotonic()
@@ -103,6 +109,7 @@ class VideoSender:
                     recording=recording,
                     attributes={"width": picture.width, "height": picture.height, "fps": self._rate},
                     stamp=self._clock.time(),
+                    target="console" if self.local else "backend",
                 )
             )
         return ""

@@ -53,11 +53,17 @@ _WRAPPED: msgspec.json.Decoder[_Wrapped] = json_decoder(_Wrapped)
 
 
 def offer_message(
-    sdp: str, stream: VideoStream, *, recording: bool, attributes: dict[str, object], stamp: float
+    sdp: str,
+    stream: VideoStream,
+    *,
+    recording: bool,
+    attributes: dict[str, object],
+    stamp: float,
+    target: str = "backend",
 ) -> dict[str, object]:
     """Return an offer message; ``attributes`` are width, height and fps, ``stamp`` is Unix seconds."""
     return {
-        "target": "backend",
+        "target": target,
         "sender": "edge",
         "type": "offer",
         "sdp": sdp,

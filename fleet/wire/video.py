@@ -23,6 +23,8 @@ VIDEO_TYPES: Mapping[str, str] = MappingProxyType(
     {"start_video": "video_started", "stop_video": "video_stopped"}
 )
 """The ``type`` of the status message of each command."""
+LOCAL_OFFER, LOCAL_ANSWER = "local/webrtc_offer", "local/webrtc_answer"
+"""Channels of the signalling with a viewer on the bus."""
 STATUS_CHANNELS: Mapping[str, str] = MappingProxyType({name: f"{name}_status" for name in VIDEO_TYPES})
 """The bus channel of the status of each command, for those that the cloud has not sent."""
 
@@ -30,7 +32,8 @@ STATUS_CHANNELS: Mapping[str, str] = MappingProxyType({name: f"{name}_status" fo
 class VideoRequest(msgspec.Struct, frozen=True):
     """Request to the video program.
 
-    ``data`` is that of the command: ``recording``, and ``sensor`` or ``sensor_id`` to select one camera.
+    ``data`` is that of the command: ``recording``, ``sensor`` or ``sensor_id`` to select one camera, and
+    ``viewer: local`` for a viewer on the bus instead of one in the cloud.
     """
 
     command: Literal["start_video", "stop_video"]
@@ -45,6 +48,11 @@ class VideoRequest(msgspec.Struct, frozen=True):
     def recording(self) -> bool:
         """Whether the cloud is to record the video; the default is yes."""
         return self.data.get("recording") is not False
+
+    @property
+    def local(self) -> bool:
+        """Whether the viewer is on the bus, as a console; nothing of the video goes to the cloud then."""
+        return self.data.get("viewer") == "local"
 
 
 class VideoReply(msgspec.Struct, frozen=True, omit_defaults=True):

@@ -3,6 +3,7 @@
 import json
 import os
 import shutil
+import signal
 import subprocess
 import sys
 import uuid
@@ -11,9 +12,41 @@ import pytest
 
 from fleet.rollout.accounts import server_users
 from fleet.testing.waiting import wait_until
-from tests.tools.asker import PUPPETS
 from tests.tools.lease_service import lease_service
 
+BUSY = """
+import asyncio
+from pathlib import Path
+from typing import Literal
+
+from fleet import Adapter, AdapterConfig, command
+
+
+class BusyConfig(AdapterConfig):
+    adapter: Literal["busy"]
+    until: str
+    colour: str = "red"
+
+
+class Busy(Adapter[BusyConfig]):
+    Config = BusyConfig
+    failsafe = "it moves nothing"
+
+    async def connect(self) -> None:
+        pass
+
+    @command("work", timeout=120.0)
+    async def work(self) -> None:
+        # Work until a file is there.
+        while not Path(self.config.until).exists():
+            await asyncio.sleep(0.05)
+
+    async def stop(self, reason: str) -> None:
+        pass
+
+    def halt(self) -> None:
+        pass
+"""
 PASSWORDS = {"operator": "of-the-operator", "yard": "of-the-edge"}
 
 
@@ -27,9 +60,11 @@ def with_passwords(text, passwords):
 class Site:
     """Where bundles are made, and the folder of one edge."""
 
-    def __init__(self, folder, port, call):
-        self.source, self.edge, self.call = folder / "source", folder / "edge", call
-        shutil.copytree(PUPPETS, self.source / "plugins")
+    def __init__(self, folder, port, begin):
+        self.source, self.edge, self.begin = folder / "source", folder / "edge", begin
+        (self.source / "plugins").mkdir(parents=True)
+        (self.source / "plugins" / "busy.py").write_text(BUSY)
+        self.rests = folder / "rests"
         for path in (self.source, *self.source.rglob("*")):
             path.chmod(0o755)
         self.edge.mkdir()
@@ -43,6 +78,18 @@ class Site:
             self.edge / "rollout.yaml", store | self.account("yard") | {"edge": "yard", "look_every": 0.5}
         )
 
+    def call(self, *arguments, within=90.0):
+        """Run a command to its end."""
+        return self.ended(self.begin(*arguments), within)
+
+    def ended(self, process, within=90.0):
+        """Return how a command ended."""
+        try:
+            out, err = process.communicate(timeout=within)
+        finally:
+            process.kill()
+        return subprocess.CompletedProcess(process.args, process.returncode, out, err)
+
     def account(self, user):
         return {"user": user, "password": PASSWORDS[user]}
 
@@ -55,13 +102,20 @@ class Site:
 
     def bundle(self, version, **fields):
         """Make a bundle in which the robot has further fields; return its file."""
-        robot = {"name": "rex", "twin": self.twin, "adapter": "puppet", "worker": "main", "rate": 0}
-        config = {"edge": {"id": self.id}, "plugins": ["plugins"], "robots": [robot | fields]}
+        robot = {"name": "rex", "twin": self.twin, "adapter": "busy", "until": str(self.rests)}
+        robot |= {"worker": "main", **fields}
+        config = {"edge": {"id": self.id}, "plugins": ["plugins"], "robots": [robot]}
         self.write(self.source / "fleet.yaml", config)
         into = self.source / f"{version}-{uuid.uuid4().hex[:6]}.bundle"
         key, file = str(self.source / "site.key"), str(self.source / "fleet.yaml")
         self.done(self.call("bundle", "make", file, "--key", key, "--version", str(version), "-o", str(into)))
         return str(into)
+
+    def status(self):
+        """Return what the edge reports of the roll-out, as the operator is shown it."""
+        told = self.call("rollout", "status", "--store", str(self.source / "rollout.yaml"), "--json")
+        observed = json.loads(told.stdout).get("observed", {}) if told.returncode == 0 else {}
+        return observed.get("yard", {"stage": "", "why": told.stderr})
 
     def roll_out(self, bundle, *options):
         """Roll a bundle out; return the exit code and what the edge reports at its end."""
@@ -74,26 +128,30 @@ class Site:
 
 @pytest.fixture
 def site(tmp_path, runtime):
-    def call(*arguments, within=90.0):
+    def begin(*arguments):
         own = {"FLEET_RUNTIME_DIR": runtime, "XDG_STATE_HOME": f"{runtime}/state"}
         command = [sys.executable, "-m", "fleet", *arguments]
-        return subprocess.run(
-            command, capture_output=True, text=True, env=os.environ | own, timeout=within, check=False
-        )
+        pipe = subprocess.PIPE
+        return subprocess.Popen(command, stdout=pipe, stderr=pipe, text=True, env=os.environ | own)
 
     accounts = with_passwords(server_users(["yard"], ["operator"]), PASSWORDS)
     store = tmp_path / "store"
     store.mkdir()
     with lease_service(store, accounts) as port:
-        yield Site(tmp_path, port, call)
+        yield Site(tmp_path, port, begin)
 
 
-def test_a_bundle_reaches_a_running_edge_and_an_older_one_never_does(site, fleet):
+@pytest.fixture
+def running(site, fleet):
+    """Run the edge with its first bundle, and its agent."""
     site.done(site.call("bundle", "install", site.bundle(1), "--into", str(site.edge)))
     edge = fleet("run", "--json", str(site.edge / "current" / "fleet.yaml"))
     edge.robot("rex", "is ready", lambda state: state["health"] == "ok")
-    agent = fleet("rollout", "agent", str(site.edge))
+    return edge, fleet("rollout", "agent", str(site.edge))
 
+
+def test_a_bundle_reaches_a_running_edge_and_an_older_one_never_does(site, running):
+    edge, agent = running
     code, report, errors = site.roll_out(site.bundle(2, limits={"speed": 0.5}))
     assert (code, report["stage"], report["lines"]) == (0, "done", ["rex: settings only: done"]), errors
 
@@ -109,3 +167,25 @@ def test_a_bundle_reaches_a_running_edge_and_an_older_one_never_does(site, fleet
     assert speed == 0.5
     assert agent.end() == 0
     wait_until("the edge still runs", lambda: edge.process.poll() is None)
+
+
+def test_a_robot_in_motion_is_not_rebuilt_and_who_detaches_comes_back(site, running):
+    edge, _ = running
+    store = str(site.source / "rollout.yaml")
+    working = site.begin("send", "rex", "work", "--json")
+    edge.robot("rex", "works", lambda state: "work" in state.get("activity", ""))
+    rolling = site.begin("apply", "--fleet", site.bundle(2, colour="green"), "--store", store)
+    try:
+        waiting = wait_until(
+            "the edge waits", lambda: (found := site.status())["stage"] == "waiting" and found, within=60.0
+        )
+        assert "rex is commanded" in waiting["why"]
+        rolling.send_signal(signal.SIGINT)
+    finally:
+        detached = site.ended(rolling)
+        site.rests.touch()
+    assert (detached.returncode, "detached" in detached.stderr) == (130, True)
+    ended = site.call("rollout", "resume", "--store", store, "--json")
+    assert ended.returncode == 0, ended.stderr
+    assert json.loads(ended.stdout)["observed"]["yard"]["lines"] == ["rex: rebuilt: done"]
+    assert site.ended(working).returncode == 0

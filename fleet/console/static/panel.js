@@ -8,6 +8,7 @@ import { askButton, holder, isAnothers } from "./control.js";
 import { health, healthKey, missions, runs, schedules } from "./overview.js";
 import { noPad, padOf } from "./pad.js";
 import { photoKey, photoOf } from "./photo.js";
+import { endVideo, videoKey, videoOf } from "./video.js";
 import { plots, plotsKey, startPlots } from "./plots.js";
 import { rehearsalKey, rehearsed, startRehearsal } from "./rehearsal.js";
 import { fit, map, view } from "./mapview.js";
@@ -310,6 +311,8 @@ function draw() {
   part("asking", robot && now && [robot.id, opened || described, robot.run, store.permission], () => (robot && now ? commands(robot) : []));
   const others = robot && now && operates() && isAnothers(robot);
   part("control", others && [robot.id, robot.control], () => (others ? [askButton(robot)] : []));
+  const films = robot && now && operates() && described?.commands.some((command) => command.name === "start_video");
+  part("video", films && videoKey(robot), () => (films ? videoOf(robot) : []));
   part("plots", robot && now && [robot.id, plotsKey(robot)], () => (robot && now ? plots(robot) : []));
   part("history", robot && now && [robot.id, past], () => (robot && now ? history(robot) : []));
   part("events", !now && [store.past.events, chosen.map((each) => each.id)], () => (now ? [] : events(chosen)));
@@ -325,6 +328,7 @@ export function startPanel() {
     if (kinds.has("open")) watched = null;
     if (kinds.has("selection") || kinds.has("past")) {
       window.fleetPage.endPads();
+      endVideo();
       releasing = false;
       opened = "";
     }

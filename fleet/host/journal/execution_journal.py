@@ -21,7 +21,7 @@ from pathlib import Path
 import msgspec
 
 from fleet.errors import StateNewer
-from fleet.runtime.decoding import json_decoder
+from fleet.runtime.decoding import decode_with, json_decoder
 from fleet.runtime.state_format import refuse_newer
 
 log = logging.getLogger(__name__)
@@ -174,7 +174,7 @@ def _rows(path: Path) -> Iterator[Row]:
     """Read one file; of one of a newer format nobody knows what was stopped, so that everything is."""
     for line in path.read_bytes().partition(b"\0")[0].splitlines():
         try:
-            row = _ROW.decode(line)
+            row = decode_with(_ROW, line)
         except msgspec.DecodeError:
             continue
         if not isinstance(row, Form):

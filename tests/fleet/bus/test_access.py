@@ -389,3 +389,13 @@ def test_a_console_that_may_only_show_asks_by_no_key_that_moves_a_robot():
     }
     assert asks("wall") == {"fleet/*/history", *shown}
     assert {"fleet/*/robots/*/command", "fleet/*/robots/*/command/as/admin/desk"} <= asks("desk")
+
+
+def test_a_console_whose_users_may_operate_answers_offers_of_video_and_puts_nothing_else():
+    access = Access({"wall": "console", "desk": "console"}, consoles={"wall": Permission.VIEW})
+
+    def puts(name):
+        rules = rules_of("console", name, "yard", access)
+        return {key for rule in rules if "put" in rule.messages for key in rule.keys}
+
+    assert (puts("wall"), puts("desk")) == (set(), {"cw/*/data/local/webrtc_answer"})

@@ -1,6 +1,12 @@
 """The agent of an edge: what it takes, what it refuses, and what it goes back from."""
 
+import asyncio
+import tempfile
+from pathlib import Path
+
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from fleet.errors import Refused
 from fleet.rollout.agent import Agent
@@ -8,7 +14,7 @@ from fleet.rollout.bundle import HEAD, LARGEST, BundleError, sealed
 from fleet.rollout.decision import Record
 from fleet.rollout.edge_here import Applied, Code, Running
 from fleet.rollout.installation import Installation
-from fleet.rollout.messages import Desired, Stage
+from fleet.rollout.messages import SETTLED, Desired, Stage
 from fleet.rollout.signature import by_name, new_key
 from fleet.testing.clock import ManualClock
 from tests.tools.rollout import MemoryStore, PuppetEdge, bundle_of, desired_of
@@ -149,6 +155,17 @@ async def test_a_roll_out_that_ends_while_a_robot_moves_is_withdrawn(yard):
     assert (await yard.report()).stage is Stage.DONE, "the same bundle may be rolled out again"
 
 
+async def test_what_waits_goes_back_before_another_bundle_is_looked_at(yard):
+    yard.here.outcomes = [MOVES]
+    await yard.want(3)
+    await yard.want(2, rollout="r2")
+    assert ((await yard.report()).stage, yard.text) == (Stage.WITHDRAWN, "version 1")
+    await yard.agent.turn()
+    report = await yard.report()
+    assert (report.rollout, report.stage, report.running) == ("r2", Stage.REFUSED, yard.first)
+    assert yard.here.applied[-1] == b"version 1 "
+
+
 async def test_what_is_done_is_not_withdrawn(yard):
     await yard.withdraw(await yard.want(2))
     assert ((await yard.report()).stage, yard.text) == (Stage.DONE, "version 2")
@@ -195,6 +212,30 @@ async def test_changed_code_is_reloaded_and_a_file_that_only_a_start_reads_waits
     yard.here.state = Running("ok", "", yard.clock.time() + 1.0)
     await yard.agent.turn()
     assert (await yard.report()).stage is Stage.DONE
+
+
+async def test_what_nobody_foresaw_does_not_end_the_agent(yard, caplog):
+    looks = 0
+
+    def breaks(folder, before):
+        raise RuntimeError("nobody foresaw this")
+
+    async def two_looks(_seconds):
+        nonlocal looks
+        looks += 1
+        yard.here.check = check
+        if looks == 2:
+            raise asyncio.CancelledError
+
+    check, yard.here.check = yard.here.check, breaks
+    address, data, desired = desired_of(KEY, 2)
+    yard.store.bundles[address] = data
+    await yard.store.desire("yard-1", desired)
+    yard.agent._sleep = two_looks
+    with pytest.raises(asyncio.CancelledError):
+        await yard.agent.run(5.0)
+    assert "nobody foresaw this" in caplog.text
+    assert ((await yard.report()).stage, yard.text) == (Stage.DONE, "version 2")
 
 
 async def other_signature(yard):
@@ -266,3 +307,81 @@ async def test_an_attempt_is_refused_recorded_and_touches_nothing(yard, attempt)
     applied = len(yard.here.applied)
     await yard.agent.turn()
     assert len(yard.here.applied) == applied, "it is not tried again"
+
+
+class Killed(BaseException):
+    """The agent is killed."""
+
+
+def dying(call, left):
+    """Return a call that kills the agent after so many, before or after its effect."""
+
+    def dies(*arguments):
+        left[0] -= 1
+        if left[0] == 0:
+            raise Killed
+        result = call(*arguments)
+        left[0] -= 1
+        if left[0] == 0:
+            raise Killed
+        return result
+
+    return dies
+
+
+OUTCOMES = (Applied(), MOVES, Applied(failed="rex: it does not answer"), Refused("edge yard-1: no"))
+steps = st.lists(
+    st.one_of(
+        st.tuples(st.just("want"), st.integers(1, 6), st.lists(st.sampled_from(OUTCOMES), max_size=3)),
+        st.tuples(st.just("withdraw"), st.none(), st.none()),
+        st.tuples(st.just("turn"), st.none(), st.none()),
+        st.tuples(st.just("kill"), st.integers(1, 8), st.none()),
+        st.tuples(st.just("silent"), st.booleans(), st.none()),
+    ),
+    max_size=12,
+)
+
+
+async def live(yard, story):
+    """Let an edge live through a story, and then in peace; return the versions that it was put on."""
+    last, number = yard.first, 0
+    for what, value, outcomes in story:
+        left = [value if what == "kill" else -1]
+        keep, activate = yard.installation.keep, yard.installation.activate
+        yard.installation.keep, yard.installation.activate = dying(keep, left), dying(activate, left)
+        try:
+            if what == "want":
+                number, yard.here.outcomes = number + 1, list(outcomes)
+                silent, yard.store.silent = yard.store.silent, False
+                address, data, desired = desired_of(KEY, value, rollout=f"r{number}")
+                last, yard.store.bundles[address] = address, data
+                await yard.store.desire("yard-1", desired)
+                yard.store.silent = silent
+            elif what == "withdraw" and not yard.store.silent:
+                await yard.store.desire("yard-1", Desired(f"r{number}", last, 1, withdrawn=True))
+            elif what == "silent":
+                yard.store.silent = value
+            await yard.agent.turn()
+        except Killed:
+            yard.start()
+        finally:
+            yard.installation.keep, yard.installation.activate = keep, activate
+    yard.store.silent, yard.here.outcomes = False, []
+    yard.start()
+    for _ in range(4):
+        await yard.agent.turn()
+
+
+@settings(max_examples=60)
+@given(story=steps)
+def test_whatever_happens_the_edge_ends_with_one_bundle_as_a_whole(story):
+    with tempfile.TemporaryDirectory() as folder:
+        yard = Yard(Path(folder))
+        asyncio.run(live(yard, story))
+        record = yard.agent.record
+        assert record.stage in SETTLED
+        assert yard.installation.current == record.running
+        applied = yard.here.applied
+        assert not applied or applied[-1] == yard.installation.file_in_use.read_bytes()
+        versions = [int(content.split()[1]) for content in applied]
+        assert record.highest == max([1, *versions])

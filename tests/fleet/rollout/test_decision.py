@@ -45,6 +45,7 @@ def test_what_has_settled_is_left_only_for_another_bundle_or_roll_out():
 def test_what_waits_goes_on_and_is_taken_back_when_it_is_withdrawn():
     assert action(AT, Desired("r1", "b2", 1)) is Action.GO_ON
     assert action(AT, Desired("r1", "b2", 1, withdrawn=True)) is Action.RETURN
+    assert action(AT, Desired("r2", "b3", 1)) is Action.RETURN
 
 
 @given(st.lists(st.tuples(st.sampled_from("abcdef"), st.integers(1, 6)), max_size=20))

@@ -1,21 +1,30 @@
 """The store in a real NATS server, with TLS and an account for each edge: what passes, and what not."""
 
+import asyncio
+import random
 from datetime import UTC, datetime, timedelta
 
 import pytest
 
+from fleet.clock import SystemClock
 from fleet.config.certificates import Identity, issue_pair, make_authority
 from fleet.errors import StateError
 from fleet.rollout.accounts import server_users
+from fleet.rollout.agent import Agent
 from fleet.rollout.bundle import LARGEST, BundleError, sealed
-from fleet.rollout.messages import Desired, Observed, Stage
+from fleet.rollout.decision import Record
+from fleet.rollout.driver import Driver
+from fleet.rollout.edge_here import Applied
+from fleet.rollout.installation import Installation
+from fleet.rollout.messages import SETTLED, Desired, Observed, Stage
 from fleet.rollout.nats_store import Connection, NatsEdgeStore, NatsFleetStore
 from fleet.rollout.settings import RolloutSettings
-from fleet.rollout.signature import new_key
+from fleet.rollout.signature import by_name, new_key
 from fleet.rollout.store import PART, StoreError
+from fleet.rollout.waves import Phase
 from fleet.testing.waiting import wait_until
 from tests.tools.lease_service import lease_service
-from tests.tools.rollout import bundle_of, rollout_of
+from tests.tools.rollout import PuppetEdge, bundle_of, rollout_of
 
 NOW = datetime.now(UTC)
 TLS = """
@@ -217,3 +226,48 @@ async def test_a_connection_is_refused(server, fleet, how, words, monkeypatch):
             await store.desired()
     finally:
         await store.close()
+
+
+async def test_a_hundred_puppets_on_one_server_stop_a_roll_out_in_time(tmp_path):
+    names = [f"edge-{number:03}" for number in range(100)]
+    failing = set(random.Random(7).sample(names[10:], 5))
+    key = new_key()
+    old, _ = sealed(bundle_of(1, names), key)
+    new, data = sealed(bundle_of(2, names), key)
+    with lease_service(tmp_path) as port:
+        settings = RolloutSettings(servers=(f"nats://127.0.0.1:{port}",))
+        fleet = NatsFleetStore(settings)
+        await fleet.prepare()
+        await fleet.put_bundle(new, data)
+        agents = {}
+        for name in names:
+            installation = Installation(tmp_path / name)
+            installation.folder.mkdir()
+            installation.stage(bundle_of(1, names), old)
+            installation.keep(Record(old, 1, old))
+            installation.activate(old)
+            here = PuppetEdge(installation)
+            here.outcomes = [Applied(failed="rex: it does not answer")] * (name in failing)
+            store = NatsEdgeStore(settings, name)
+            agents[name] = Agent(name, installation, by_name([key.public]), store, here, clock=SystemClock())
+        looking = [asyncio.create_task(agent.run(0.2)) for agent in agents.values()]
+        driver = Driver(fleet, clock=SystemClock(), sleep=lambda _: asyncio.sleep(0.1))
+        await driver.begin(rollout_of(dict.fromkeys(names, new), parallel=5))
+        progress = (await asyncio.wait_for(driver.drive(), 120)).progress
+        for task in looking:
+            task.cancel()
+        await asyncio.wait(looking)
+        for agent in agents.values():
+            await agent.turn()  # what was withdrawn goes back
+        for agent in agents.values():
+            await agent._store.close()
+        await fleet.close()
+    assert progress.phase is Phase.STOPPED
+    assert 10 < len(progress.told) < 100, "in the last wave, before most were told"
+    for name, agent in agents.items():
+        record, applied = agent.record, agent._here.applied
+        assert record.stage in SETTLED
+        assert agent._installation.current == record.running
+        went = old if name in failing or name not in progress.told else record.running
+        assert record.running == went, "nothing is half applied"
+        assert not applied or applied[-1] == agent._installation.file_in_use.read_bytes()

@@ -3,7 +3,10 @@
 import subprocess
 import sys
 
+import msgspec
 import pytest
+
+from fleet.runtime.decoding import decode_json
 
 FROM_MANY_THREADS = """
 import sys, threading, msgspec
@@ -32,3 +35,9 @@ for _ in range(6):
 def test_a_type_that_many_threads_decode_first_ends_no_process(attempt):
     ended = subprocess.run([sys.executable, "-c", FROM_MANY_THREADS], capture_output=True, check=False)
     assert ended.returncode == 0, ended
+
+
+@pytest.mark.parametrize("data", [b'{"a": "\xff"}', b'{"\xff": 1}', b'{"a": "\xe9t\xe9"}', b"\xff", b"{"])
+def test_whatever_bytes_come_there_is_one_kind_of_error(data):
+    with pytest.raises(msgspec.DecodeError):
+        decode_json(data, dict)

@@ -163,7 +163,14 @@ def test_a_stop_of_more_names_than_fit_a_message_is_one_for_all(field):
 
 
 @pytest.mark.parametrize(
-    "message", [b'{"type":"stop","names":["re', b"stop", protocol.encode(StopRequest(why="x" * 70_000))]
+    "message",
+    [
+        b'{"type":"stop","names":["re',
+        b"stop",
+        b'{"type":"stop","names":["r\xe9x"]}',
+        b'{"type":"stop","why":"\xff"}',
+        protocol.encode(StopRequest(why="x" * 70_000)),
+    ],
 )
 def test_what_cannot_be_read_of_who_has_no_robots_is_a_stop_for_all(field, message):
     with contextlib.closing(connected(field.path, within=5.0)) as somebody:

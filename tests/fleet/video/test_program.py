@@ -89,6 +89,20 @@ async def test_a_start_makes_an_offer_and_tells_the_stream_and_a_stop_that_it_is
     assert len(ask.bus_session.streams()) == 2  # said once
 
 
+async def test_signals_of_a_viewer_on_the_bus_never_go_to_the_cloud_nor_come_from_it(ask):
+    assert await ask({"command": "start_video", "data": {"viewer": "local", "recording": False}}) == {
+        "ok": True
+    }
+    (key,) = {key for key, _ in ask.bus_session.put_samples if "webrtc" in key}
+    assert key == f"cw/{TWIN}/data/local/webrtc_offer"
+    answered = []
+    ask.program._sender.answered = answered.append
+    sample = b'{"type": "answer", "target": "edge", "sdp": "m=video"}'
+    ask.bus_session.calls[f"cw/{TWIN}/data/cloud/webrtc_answer"]("key", sample)
+    assert await ask({"command": "stop_video"}) == {"ok": True}  # after which the answer was looked at
+    assert answered == []
+
+
 async def test_a_stop_without_a_stream_is_no_mistake(ask):
     assert await ask({"command": "stop_video"}) == {"ok": True}
     assert ask.bus_session.streams() == []

@@ -129,6 +129,22 @@ async def test_a_start_while_it_is_connected_changes_nothing(studio):
     assert len(studio.offers) == 1
 
 
+@pytest.mark.parametrize(("first", "second"), [(False, True), (True, False), (True, True)])
+async def test_a_viewer_on_the_bus_replaces_nobody_and_is_not_replaced(studio, first, second):
+    await studio.sender.start(recording=True, local=first)
+    await studio.view()
+    await until(lambda: connected(studio))
+    with pytest.raises(Refused, match="its video goes to another viewer"):
+        await studio.sender.start(recording=True, local=second)
+    assert (len(studio.offers), studio.sender.local) == (1, first)
+
+
+async def test_an_offer_says_whom_it_is_for(studio):
+    for local in (True, False):
+        await studio.sender.start(recording=False, local=local)
+    assert [offer["target"] for offer in studio.offers] == ["console", "backend"]
+
+
 async def test_an_offer_that_nobody_answered_is_made_anew(studio):
     await studio.sender.start(recording=True)
     await studio.sender.start(recording=True)

@@ -1,0 +1,56 @@
+"""Offers of live video by programs on the bus, handed to the page that waits for one; on the event loop."""
+
+from __future__ import annotations
+
+import asyncio
+
+import msgspec
+
+from fleet.errors import Refused, TimedOut, WireError
+from fleet.runtime.decoding import json_decoder
+from fleet.wire.samples import json_payload
+
+OFFERED_WITHIN = 8.0  # s; the edge waits 4 s for the program, which may need 5 s for its candidates
+LARGEST = 64 * 1024  # bytes of an offer
+
+
+class VideoOffer(msgspec.Struct, frozen=True):
+    """One offer: the program's session description, and the sensor whose pictures it has."""
+
+    sdp: str
+    sensor: str = ""
+
+
+_OFFER: msgspec.json.Decoder[VideoOffer] = json_decoder(VideoOffer)
+
+
+class VideoOffers:
+    """Hands the next offer of a robot to the one page that waits for it.
+
+    A program sends to one viewer. So a second page that asks is refused: both would answer the same offer.
+    """
+
+    def __init__(self) -> None:
+        self._waiting: dict[str, asyncio.Future[VideoOffer]] = {}
+
+    async def next(self, robot: str, within: float = OFFERED_WITHIN) -> VideoOffer:
+        """Return the next offer of a robot (``edge/robot``); raises Refused, or TimedOut without one."""
+        if robot in self._waiting:
+            raise Refused("another page asks for this video")
+        offered = self._waiting[robot] = asyncio.get_running_loop().create_future()
+        try:
+            return await asyncio.wait_for(offered, within)
+        except TimeoutError:
+            raise TimedOut("no program on the bus offers video of this robot") from None
+        finally:
+            del self._waiting[robot]
+
+    def take(self, robot: str, sample: bytes) -> None:
+        """Take an offer from the bus; one that nobody waits for, or that cannot be read, is left."""
+        waiting = self._waiting.get(robot)
+        if waiting is None or waiting.done() or len(sample) > LARGEST:
+            return
+        try:
+            waiting.set_result(_OFFER.decode(json_payload(sample)))
+        except (WireError, msgspec.DecodeError, ValueError, RecursionError):
+            return

@@ -1,0 +1,82 @@
+"""Live video in the console: sent by ``fleet video`` on the bus, seen in a real browser, without a cloud."""
+
+import json
+import re
+import uuid
+from pathlib import Path
+
+import pytest
+
+from fleet.console.links import LinkAsked, ask_link
+from fleet.console.task import link_socket
+from fleet.model.permission import Permission
+from fleet.testing.waiting import wait_until
+
+PLUGINS = Path(__file__).parents[2] / "tests" / "tools" / "plugins"
+WAIT = 60_000  # ms
+MIDDLE = """() => {
+    const video = document.querySelector('video');
+    if (!video?.videoWidth) return null;
+    const canvas = document.createElement('canvas');
+    canvas.width = video.videoWidth; canvas.height = video.videoHeight;
+    const context = canvas.getContext('2d');
+    context.drawImage(video, 0, 0);
+    const [red, , blue] = context.getImageData(canvas.width / 2, canvas.height / 2, 1, 1).data;
+    return {red, blue};
+}"""
+
+
+@pytest.fixture
+def pictures(module_at):
+    return module_at("pictures.py")
+
+
+@pytest.fixture
+def camera(pictures, tmp_path):
+    return pictures.CameraFile(tmp_path / "camera.jpg")
+
+
+@pytest.fixture
+def yard(fleet, tmp_path):
+    """Run an edge with a robot, and a console; returns the edge, its file and its name."""
+    name = f"yard-{uuid.uuid4().hex[:8]}"
+    robot = {"name": "rex", "twin": str(uuid.uuid4()), "adapter": "puppet", "worker": "main", "rate": 0}
+    file = tmp_path / "fleet.yaml"
+    text = {"edge": {"id": name}, "console": {"port": 0}, "plugins": [str(PLUGINS)], "robots": [robot]}
+    file.write_text(json.dumps(text))
+    edge = fleet("run", str(file), "--json")
+    edge.robot("rex", "is well", lambda state: state["health"] == "ok")
+    return edge, file, name
+
+
+@pytest.fixture
+def shown(yard, runtime, page):
+    """Open the page and the robot's panel."""
+    _, _, name = yard
+    given = wait_until(
+        "the console",
+        lambda: ask_link(link_socket(Path(runtime), name), LinkAsked("anna", Permission.OPERATE)),
+    )
+    page.set_default_timeout(WAIT)
+    page.goto(given.link)
+    page.click(f'#robots li[data-id="{name}/rex"]')
+    return page
+
+
+def test_the_page_shows_what_the_camera_sees_until_the_video_is_ended(yard, shown, fleet, camera, pictures):
+    _, file, _ = yard
+    program = fleet("video", "rex", "-f", str(file), "--camera", camera.source)
+    program.line("waits for start_video")
+    shown.get_by_role("button", name="Show live video").click()
+    wait_until("red", lambda: (now := shown.evaluate(MIDDLE)) and now["red"] > 200)
+    camera.show(pictures.BLUE)
+    wait_until("blue", lambda: (now := shown.evaluate(MIDDLE)) and now["blue"] > 200)
+    shown.get_by_role("button", name="End live video").click()
+    program.line(r"video of camera ended")
+    shown.get_by_role("button", name="Show live video").click()  # it can be had again
+    wait_until("blue again", lambda: (now := shown.evaluate(MIDDLE)) and now["blue"] > 200)
+
+
+def test_without_a_program_that_sends_it_the_page_says_what_to_do(shown):
+    shown.get_by_role("button", name="Show live video").click()
+    shown.get_by_text(re.compile("no program on the bus sends video of rex")).first.wait_for()
