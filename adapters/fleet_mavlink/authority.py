@@ -25,6 +25,7 @@ class Authority:
         self._earlier: frozenset[str] = frozenset()  # asked for before, and not seen yet: they may come first
         self._mode = ""
         self._armed = False
+        self._arms = ""  # who has asked for the arming, when that was not us
 
     @property
     def taker(self) -> str:
@@ -52,6 +53,7 @@ class Authority:
         """Expect a command to lead to one of these modes; lost authority is not regained by it."""
         self._earlier |= self._expected
         self._expected = frozenset(modes)
+        self._arms = ""
 
     def expect_also(self, *modes: str) -> None:
         """Expect that the command under way ends in one of these modes; a vehicle that is not ours is not."""
@@ -63,6 +65,10 @@ class Authority:
             return
         self.lost_to, self.cause = mode, f"commanded by {who}"
         self._lost(f"{who} commands it")
+
+    def armed_by(self, who: str) -> None:
+        """Lose authority to somebody once it is armed: a plane in TAKEOFF takes off by that alone."""
+        self._arms = who
 
     def observe(self, state: VehicleState, flavour: Flavour, alarm: str = "") -> None:
         """Handle a new heartbeat, before its waiters run; ``alarm``: text of a fail-safe."""
@@ -76,6 +82,8 @@ class Authority:
         if not state.armed:
             self.lost_to = ""
             return
+        if self._arms and not was_armed:
+            self.taken_by(self._arms, mode)
         if mode == before or mode in self._allowed(before, flavour.follows, flavour.ours):
             return
         already, self.lost_to = self.lost_to, mode

@@ -29,6 +29,7 @@ class Cmd(enum.IntEnum):
     NAV_LAND = 21
     NAV_TAKEOFF = 22
     NAV_LOITER_TO_ALT = 31
+    NAV_VTOL_LAND = 85
     CONDITION_YAW = 115
     DO_SET_MODE = 176
     DO_CHANGE_SPEED = 178
@@ -119,7 +120,8 @@ FIX_TYPES: Mapping[int, str] = {
 ARDUPILOT, PX4 = 3, 12  # MAV_AUTOPILOT
 MULTIROTORS = (2, 3, 4, 13, 14, 15, 29, 35)  # MAV_TYPE: multirotors; other types are not flown
 VTOLS = range(19, 26)  # MAV_TYPE
-ON_THE_SURFACE = frozenset({5, 10, 11})  # MAV_TYPE: vehicles without a meaningful height above home
+ROVERS = frozenset({10, 11})  # MAV_TYPE: rovers and boats
+ON_THE_SURFACE = frozenset({5, *ROVERS})  # MAV_TYPE: vehicles without a meaningful height above home
 VTOL_GOES_FORWARD = 1  # MAV_VTOL_STATE: it goes over to its wings
 VTOL_HOVERS = frozenset({2, 3})  # MAV_VTOL_STATE: it hovers, or is about to
 VEHICLE_TYPES: Mapping[int, str] = {

@@ -14,6 +14,7 @@ from fleet import (
     GeoOrigin,
     GeoPoint,
     Limits,
+    NotReady,
     PlanItem,
     Progress,
     Refused,
@@ -93,7 +94,8 @@ def _item(item: PlanItem, flavour: Flavour, *, above_sea: bool) -> MissionItemIn
     """Return one item; ``param4`` is a heading, which is left to the autopilot."""
     frame = Frame.GLOBAL_INT if above_sea else Frame.GLOBAL_RELATIVE_ALT_INT
     radius = (item.radius or 0.0) * (1.0 if item.clockwise else -1.0)
-    made = MissionItemInt(0, 0, 0, frame, _COMMANDS[item.kind], param4=flavour.unset)
+    command = Cmd.NAV_VTOL_LAND if item.kind == "land" and flavour.transitions else _COMMANDS[item.kind]
+    made = MissionItemInt(0, 0, 0, frame, command, param4=flavour.unset)
     match item.kind:
         case "waypoint":
             made = msgspec.structs.replace(made, param2=item.tolerance or 0.0)
@@ -310,12 +312,13 @@ class MissionPilot:
 
     def _require_landing(self, mission: FlyMission) -> None:
         """Raise Refused for a landing that this vehicle does not fly, or that nothing leads to."""
-        flavour = self._flight.flavour
         if not _lands(mission):
             return
-        if flavour.surface or flavour.transitions:
-            what = "it moves on the surface" if flavour.surface else "a VTOL lands by its rotors, and home"
-            raise Refused(f"it lands by no plan: {what}", hint="end the plan with return_to_launch")
+        flavour = self._flight.flavour
+        if flavour.surface:
+            raise Refused("it does not land: it moves on the surface", hint="end it with return_to_launch")
+        if isinstance(flavour, Winged) and self._vehicle.state.vtol_state is None:
+            raise NotReady("it has not told yet whether it lands with rotors", hint="try again in a second")
         if not any(item.point and item.kind != "land" for item in mission.items):
             raise Refused("a landing must have a place before it, from which it is flown to")
 

@@ -13,7 +13,7 @@ from typing import Any
 from fleet import Address, Clock
 from fleet_mavlink.authentication import Trust
 from fleet_mavlink.broadcast_messages import OpenDroneIdArmStatus
-from fleet_mavlink.constants import CAMERA_TYPE, CAMERAS, NO_AUTOPILOT, type_name
+from fleet_mavlink.constants import CAMERA_TYPE, CAMERAS, NO_AUTOPILOT, PX4, ROVERS, type_name
 from fleet_mavlink.event_messages import Event
 from fleet_mavlink.events import EventDictionary
 from fleet_mavlink.flavour import Flavour
@@ -25,7 +25,7 @@ from fleet_mavlink.redundant_links import way_of
 from fleet_mavlink.state import SILENCE, VehicleState, reduce
 from fleet_mavlink.texts import Joiner, Sentence
 from fleet_mavlink.vehicle_kind import VehicleKind
-from fleet_mavlink.vocabulary import OF_A_MOVED_VEHICLE
+from fleet_mavlink.vocabulary import OF_A_MOVED_VEHICLE, PX4_ROVER
 from fleet_mavlink.wings import Winged
 
 _REMEMBERED = 64  # texts kept
@@ -247,7 +247,8 @@ def what_is(heartbeat: Heartbeat) -> str:
 
 def not_moved(heartbeat: Heartbeat) -> str:
     """Return what is said of a vehicle that is not moved here."""
-    return f"it is {what_is(heartbeat)}, which is not moved here: it is watched, and stopped"
+    why = PX4_ROVER if heartbeat.autopilot == PX4 and heartbeat.type in ROVERS else ""
+    return f"it is {what_is(heartbeat)}, which is not moved here: it is watched, and stopped{why}"
 
 
 def circle_of(state: VehicleState) -> float:

@@ -21,6 +21,7 @@ _ONE_WAY = "it has one way to move only: it is no VTOL"
 _UNSET = "a QuadPlane is moved only with Q_GUIDED_MODE 1: send set_failsafes, or set it, on the ground"
 ON_WINGS = "it flies on its wings and never stands: it takes goals, which it circles, and no velocities"
 NO_VELOCITIES = "ArduPlane takes no velocities, in its hover either: send a goal"
+PX4_ROVER = ", because nobody has measured how a rover on PX4 holds and stops; one on ArduPilot is moved"
 ONE_WAY: Mapping[str, str] = {"transition": _ONE_WAY}
 """What all but VTOLs lack."""
 SURFACE: Mapping[str, str] = {

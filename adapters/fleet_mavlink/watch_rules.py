@@ -137,6 +137,12 @@ def comes_down(message: Any, ways: Iterable[CommandLong]) -> bool:
     return message.command in {Cmd.NAV_RETURN_TO_LAUNCH, _NAV_LAND} or _is_among(message, ways)
 
 
+def arms(message: Any) -> bool:
+    """Return whether a message arms the vehicle."""
+    is_command = message.get_type() in {"COMMAND_LONG", "COMMAND_INT"}
+    return bool(is_command and message.command == Cmd.COMPONENT_ARM_DISARM and message.param1 == 1.0)
+
+
 def _is_among(message: Any, commands: Iterable[CommandLong]) -> bool:
     """Return whether a COMMAND_LONG is one of these commands."""
     given = (message.command, message.param1, message.param2, message.param3)

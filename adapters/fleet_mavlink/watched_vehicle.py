@@ -20,7 +20,7 @@ from fleet_mavlink.notices import Notices
 from fleet_mavlink.vehicle import Vehicle
 from fleet_mavlink.vehicle_kind import VehicleKind
 from fleet_mavlink.watch_answers import refusal, unchanged, words
-from fleet_mavlink.watch_rules import Need, comes_down, need_of, why_not_at_this_rate
+from fleet_mavlink.watch_rules import Need, arms, comes_down, need_of, why_not_at_this_rate
 from fleet_mavlink.watcher import Watcher
 from fleet_mavlink.watcher_config import WatcherConfig
 
@@ -75,13 +75,22 @@ class WatchedVehicle:
         if why:
             self._refuse(message, why)
             return
-        kind = self._vehicle.kind
-        if need in _TAKES and isinstance(kind, Flavour) and self._vehicle.state.armed:
-            if need is Need.STOP:
-                self._halt()  # the station's own command may be one that this vehicle does not take
-            who = f"ground station {frame.system}/{frame.component}"
-            self._authority.taken_by(who, kind.mode_of(self._vehicle.state))
+        if need in _TAKES:
+            self._give_up(need, message, f"ground station {frame.system}/{frame.component}")
         self._pass_on(frame.raw)
+
+    def _give_up(self, need: Need, message: Any, who: str) -> None:
+        """Leave the vehicle to a station that commands it, or that arms it."""
+        kind, state = self._vehicle.kind, self._vehicle.state
+        if not isinstance(kind, Flavour):
+            return
+        if not state.armed:
+            if arms(message):
+                self._authority.armed_by(who)
+            return
+        if need is Need.STOP:
+            self._halt()  # the station's own command may be one that this vehicle does not take
+        self._authority.taken_by(who, kind.mode_of(state))
 
     def _why_not(self, need: Need, frame: Frame, message: Any) -> str:
         """Return why a message is refused, empty when it is not."""

@@ -65,7 +65,7 @@ def render() -> str:
         for of_vehicle in lacking.values():
             reason = of_vehicle.get(name)
             if reason is not None and reason.startswith("it is a"):
-                reason = "it is not moved here: it is watched, and stopped"
+                reason = f"it is not moved here: {reason.partition('not moved here: ')[2]}"
             cells.append("yes" if reason is None else str(reasons.setdefault(reason, len(reasons) + 1)))
         shown = MORE.get(name, f"`{name}`")
         rows.append(f"| {shown} | {' | '.join(cells)} |")

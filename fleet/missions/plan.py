@@ -23,8 +23,10 @@ from fleet.wire.missions import CONTRACT, plan_of
 
 _GLOBAL, _ABOVE_HOME = 0, 3  # MAV_FRAME
 _MISSION_FRAME = 2
-_LANDING_PATTERN = "fwLandingPattern"
 TAKEOFF, LAND = 22, 21
+_VTOL_TAKEOFF, _VTOL_LAND = 84, 85
+_TAKEOFFS = frozenset({TAKEOFF, _VTOL_TAKEOFF})
+_LANDING_PATTERNS = frozenset({"fwLandingPattern", "vtolLandingPattern"})
 _SPEED = 178  # MAV_CMD_DO_CHANGE_SPEED
 _Params = list[Any]
 
@@ -57,6 +59,7 @@ _ITEMS: Mapping[int, tuple[str, Callable[[_Params], dict[str, Any]]]] = MappingP
         19: ("loiter_time", _seconds),
         20: ("return_to_launch", lambda _: {}),
         LAND: ("land", lambda _: {}),
+        _VTOL_LAND: ("land", lambda _: {}),
         31: ("loiter_to_altitude", _until_high),
         189: ("land_start", lambda _: {}),
     }
@@ -180,10 +183,10 @@ def _converted(document: Mapping[str, Any]) -> dict[str, Any]:
         if command == _SPEED:
             speed = params[1]
             continue
-        if command not in _ITEMS and command != TAKEOFF:
+        if command not in _ITEMS and command not in _TAKEOFFS:
             raise WireError(f"MAV_CMD {command} is not flown here", where=where)
         placed = not _is_nothing(params[4]) and not _is_nothing(params[5])
-        if command == TAKEOFF and not placed:
+        if command in _TAKEOFFS and not placed:
             continue  # the robot takes off by itself
         kind, more = _ITEMS.get(command, _ITEMS[16])
         made: dict[str, Any] = {"type": kind, **more(params)}
@@ -224,7 +227,7 @@ def _simple(items: list[Mapping[str, Any]]) -> Iterator[Mapping[str, Any]]:
     for item in items:
         if item["type"] == "SimpleItem":
             yield item
-        elif item.get("complexItemType") == _LANDING_PATTERN:
+        elif item.get("complexItemType") in _LANDING_PATTERNS:
             yield from _landing_pattern(item)
         else:
             transect = item.get("TransectStyleComplexItem", item)
@@ -232,7 +235,10 @@ def _simple(items: list[Mapping[str, Any]]) -> Iterator[Mapping[str, Any]]:
 
 
 def _landing_pattern(item: Mapping[str, Any]) -> Iterator[Mapping[str, Any]]:
-    """Yield the items of a plane's landing: its start, the approach at its height, and the touch-down."""
+    """Yield the items of a landing: its start, the approach at its height, and the touch-down.
+
+    A VTOL's is a landing like any other here: the robot knows that it lands with its rotors.
+    """
     frame = _ABOVE_HOME if item["altitudesAreRelative"] else _GLOBAL
     radius = abs(item["loiterRadius"]) * (1 if item["loiterClockwise"] else -1)
     circles = bool(item.get("useLoiterToAlt", True))

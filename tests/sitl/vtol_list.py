@@ -194,6 +194,24 @@ async def flies_home_and_lands(it, planes):
     assert planes.away(it, home) < 10.0
 
 
+async def lands_by_a_plan(it, planes):
+    """Fly a plan that ends with a landing, from its wings: it comes down with its rotors, at the place."""
+    if not is_arduplane(it):
+        await it.do("takeoff", altitude=HEIGHT)
+        await it.do("transition", to="forward")
+    items = []
+    for kind, north, height in (("waypoint", 400.0, 40.0), ("waypoint", 300.0, 40.0), ("land", 0.0, 0.0)):
+        _, there = planes.place(it, 0.0, north)
+        items.append(PlanItem(kind, GeoPoint(there.latitude, there.longitude, height)))
+    going = asyncio.ensure_future(exhausted(it.adapter.navigate(FlyMission("down", tuple(items)))))
+    await it.until(lambda: it.state.vtol_state == FLIES_FORWARD or going.done(), LONG)
+    await it.until(lambda: it.state.vtol_state == HOVERS or going.done(), LONG)
+    await going
+    assert not it.state.armed
+    assert it.state.in_air is False
+    assert planes.away(it, items[-1].point) < 10.0, f"{planes.away(it, items[-1].point):.0f} m off"
+
+
 STEPS = (
     is_set_up,
     takes_off_with_its_rotors,
@@ -207,6 +225,7 @@ STEPS = (
     flies_a_mission_that_ends_in_a_circle,
     goes_back_to_its_hover,
     flies_home_and_lands,
+    lands_by_a_plan,
 )
 
 

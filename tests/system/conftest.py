@@ -31,7 +31,7 @@ from fleet_ugv.sim.spec import SimSpec
 HERE = Path(__file__).parent
 REAL_TIME = (
     *("test_console.py", "test_dog.py", "test_joints.py", "test_sdk.py"),
-    *("test_ugv.py", "test_wheels.py"),
+    *("test_sdk_vehicles.py", "test_ugv.py", "test_wheels.py"),
 )
 """Robots whose simulation needs the processor in time: never two of them at once on two cores."""
 

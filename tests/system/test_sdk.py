@@ -4,16 +4,14 @@ import json
 import math
 import subprocess
 import sys
-import threading
 import uuid
-from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 
 import pytest
 from cyberwave import Cyberwave
 from cyberwave.twin.factory import create_twin
 
 from fleet.testing.waiting import DEADLINE, wait_until
-from tests.tools.sdk import drive, end
+from tests.tools.sdk import back_end, drive, end
 
 DRONE_ASSET = "dji/mini-4-pro"
 TWIN = "6f0c9a1e-3b1d-4c52-9b7e-0a4f5d6c7b8a"
@@ -22,25 +20,6 @@ IDENTITIES = {
     "environment_uuid": str(uuid.uuid4()),
     "controller_policy_uuid": str(uuid.uuid4()),
 }
-
-
-class Backend(BaseHTTPRequestHandler):
-    """The one thing that the SDK wants of a back end here: navigation goals are put on the twin's topic."""
-
-    def do_POST(self):
-        goal = json.loads(self.rfile.read(int(self.headers["Content-Length"])))
-        goal["action_id"] = uuid.uuid4().hex
-        twin = self.path.split("/")[4]
-        self.server.publish(f"cyberwave/twin/{twin}/navigate/command", goal)
-        answer = json.dumps({"action_id": goal["action_id"], "status": "queued"}).encode()
-        self.send_response(200)
-        self.send_header("Content-Type", "application/json")
-        self.send_header("Content-Length", str(len(answer)))
-        self.end_headers()
-        self.wfile.write(answer)
-
-    def log_message(self, *_):
-        """Say nothing."""
 
 
 @pytest.fixture
@@ -64,14 +43,8 @@ def autopilot(free_udp_port):
 def backend(ears, broker):
     """Start what stands for the back end; gives its address and ears on the twin."""
     listener = ears("127.0.0.1", broker.port, f"cyberwave/twin/{TWIN}/#")
-    server = ThreadingHTTPServer(("127.0.0.1", 0), Backend)
-    server.publish = listener.say
-    serving = threading.Thread(target=server.serve_forever)
-    serving.start()
-    yield f"http://127.0.0.1:{server.server_port}", listener
-    server.shutdown()
-    serving.join()
-    server.server_close()
+    with back_end(listener.say) as address:
+        yield address, listener
 
 
 @pytest.fixture

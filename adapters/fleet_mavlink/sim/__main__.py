@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from fleet.sim.faults import parse_faults
 from fleet_mavlink.sim.faults import FAULTS
 from fleet_mavlink.sim.server import Address, Vehicles
-from fleet_mavlink.sim.spec import ZURICH, SimSpec, parse_home, parse_ready, spec_of
+from fleet_mavlink.sim.spec import VEHICLES, ZURICH, SimSpec, parse_home, parse_ready, spec_of
 
 
 def _address(text: str) -> Address:
@@ -23,7 +23,9 @@ def _address(text: str) -> Address:
 
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(prog="python -m fleet_mavlink.sim", description=__doc__)
-    parser.add_argument("--flavour", choices=("ardupilot", "px4"), default="ardupilot")
+    parser.add_argument("--flavour", choices=tuple(VEHICLES), default="ardupilot", help="the firmware")
+    kinds = "; ".join(f"{flavour}: {', '.join(kinds)}" for flavour, kinds in VEHICLES.items())
+    parser.add_argument("--vehicle", default="multirotor", help=f"what they are, of {kinds}")
     parser.add_argument("--vehicles", type=int, help="how many; left out: 1, with --stdin none")
     parser.add_argument("--system-id", type=int, default=1, help="of the first; the rest count on")
     way = parser.add_mutually_exclusive_group()
@@ -51,6 +53,7 @@ def _specs(options: argparse.Namespace) -> list[SimSpec]:
         spec_of(
             {
                 "flavour": options.flavour,
+                "vehicle": options.vehicle,
                 "system_id": options.system_id + place,
                 "home": (
                     latitude,

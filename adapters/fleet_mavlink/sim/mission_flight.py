@@ -44,7 +44,7 @@ def _take_off(pilot: Autopilot, item: Item) -> Manoeuvre:
     return Takeoff(pilot, place_of_item(pilot, item)[2])
 
 
-class _LandThere(Manoeuvre):
+class LandThere(Manoeuvre):
     """Fly over the place of the item, then land."""
 
     def __init__(self, pilot: Autopilot, item: Item) -> None:
@@ -108,7 +108,7 @@ _MANOEUVRES: Mapping[int, Callable[[Autopilot, Item], Manoeuvre]] = {
     82: _go,
     93: lambda pilot, _item: hold(pilot),
     22: _take_off,
-    21: _LandThere,
+    21: LandThere,
 }
 
 

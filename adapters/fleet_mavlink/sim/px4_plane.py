@@ -33,6 +33,7 @@ from fleet_mavlink.sim.speeds import FlightSpeeds, Px4Speeds
 _LOW = 3.0  # m below its height that it circles for a long time
 _PASSES = 25.0  # m from a place
 _DETECTED_AT = 6.0  # m/s of its roll
+_LANDINGS = frozenset({mav.MAV_CMD_NAV_LAND, mav.MAV_CMD_NAV_VTOL_LAND})
 _NEEDS_LANDING = frozenset({2, 3, 4})  # MIS_TKO_LAND_REQ
 
 
@@ -117,7 +118,7 @@ def _altitude(pilot: SimPx4Plane, ask: CommandRequest) -> int:
 
 def _start_mission(pilot: SimPx4Plane, ask: CommandRequest) -> int:
     """Refuse a mission without a landing, unless MIS_TKO_LAND_REQ says that none is needed."""
-    landing = any(item.command == mav.MAV_CMD_NAV_LAND for item in pilot.missions.items)
+    landing = any(item.command in _LANDINGS for item in pilot.missions.items)
     if int(pilot.params["MIS_TKO_LAND_REQ"]) in _NEEDS_LANDING and not landing:
         pilot.say(CRITICAL, "Mission rejected: Landing waypoint/pattern required")
         pilot.say(CRITICAL, "Mission start denied! No valid mission")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import ClassVar
 
 from pymavlink.dialects.v20 import all as mav
@@ -17,13 +18,17 @@ from fleet_mavlink.sim.plane_physics import VtolBody
 from fleet_mavlink.sim.px4 import SimPx4
 from fleet_mavlink.sim.px4_modes import MODES as COPTER_MODES
 from fleet_mavlink.sim.px4_plane import COMMANDS as PLANES
+from fleet_mavlink.sim.px4_plane import MODES as PLANE_MODES
 from fleet_mavlink.sim.px4_plane import Px4PlaneSpeeds, SimPx4Plane
 from fleet_mavlink.sim.setpoints import Setpoint
 from fleet_mavlink.sim.speeds import FlightSpeeds, Px4Speeds
+from fleet_mavlink.sim.vtol_mission import HoverMission, VtolMission
 
 TO_FORWARD, TO_HOVER, HOVERS, FORWARD = 1, 2, 3, 4  # MAV_VTOL_STATE
 _TAKES = {FORWARD: 3.1, HOVERS: 0.9}  # s
 _BY_ROTORS = frozenset({"LAND", "PRECLAND", "RTL"})
+_SLOWS_WITHIN = 40.0  # m
+_HOVER_MODES = COPTER_MODES | {"MISSION": replace(COPTER_MODES["MISSION"], enter=HoverMission)}
 
 
 def _transition(pilot: SimPx4Vtol, ask: CommandRequest) -> int:
@@ -40,7 +45,11 @@ class SimPx4Vtol(SimPx4Plane):
 
     vehicle_type: ClassVar[int] = 22  # MAV_TYPE_VTOL_FIXEDROTOR, which has another name here
     commands: ClassVar[Mapping[int, Handler]] = {**PLANES, mav.MAV_CMD_DO_VTOL_TRANSITION: _transition}
+    modes: ClassVar[Mapping[str, Mode]] = PLANE_MODES | {
+        "MISSION": replace(PLANE_MODES["MISSION"], enter=VtolMission)
+    }
     agility = SimPx4.agility
+    slows_within: ClassVar[float] = _SLOWS_WITHIN
     body: VtolBody
 
     def __init__(self, boot: Boot) -> None:
@@ -65,6 +74,10 @@ class SimPx4Vtol(SimPx4Plane):
         """Return also that it stands there to fly on its wings."""
         on_wings = [] if self.body.hovers else ["Resolve system health failures first"]
         return super().refusals(force=force) or on_wings
+
+    def hover(self) -> None:
+        """Go over to the hover."""
+        self.go_over(HOVERS)
 
     def go_over(self, to: int) -> None:
         """Begin a transition, along its nose; its mode stays. One to its wings is broken off at once."""
@@ -91,7 +104,7 @@ class SimPx4Vtol(SimPx4Plane):
             self._goes_over = None
             self.body.hovers, self.speeds = True, self._hover
         if self.body.hovers:
-            SimPx4.enter(self, COPTER_MODES[mode.name])
+            SimPx4.enter(self, _HOVER_MODES[mode.name])
         else:
             super().enter(mode)
         if self._leaves:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import ClassVar
 
 from pymavlink.dialects.v20 import all as mav
@@ -19,6 +20,7 @@ from fleet_mavlink.sim.plane_moves import Ahead, Circle, Pass
 from fleet_mavlink.sim.plane_physics import VtolBody
 from fleet_mavlink.sim.speaker import INFO
 from fleet_mavlink.sim.speeds import ArduPilotSpeeds, FlightSpeeds
+from fleet_mavlink.sim.vtol_mission import VtolMission
 
 TO_FORWARD, TO_HOVER, HOVERS, FORWARD = 1, 2, 3, 4  # MAV_VTOL_STATE
 _FORWARD_TAKES, _HOVER_TAKES = 8.0, 6.0  # s
@@ -46,7 +48,8 @@ _BY_ROTORS = (
     Mode("QLAND", 20, Land, GUIDED_BASE, armable=False),
     Mode("QRTL", 21, _home, GUIDED_BASE, armable=False),
 )
-MODES = {**PLANE_MODES, **{mode.name: mode for mode in _BY_ROTORS}}
+_AUTO = replace(PLANE_MODES["AUTO"], enter=VtolMission)
+MODES = {**PLANE_MODES, **{mode.name: mode for mode in (_AUTO, *_BY_ROTORS)}}
 
 
 def _take_off(pilot: SimQuadPlane, ask: CommandRequest) -> int:
@@ -143,6 +146,11 @@ class SimQuadPlane(SimArduPlane):
         """Q_GUIDED_MODE."""
         return bool(self.params["Q_GUIDED_MODE"])
 
+    @property
+    def slows_within(self) -> float:
+        """Its stopping distance from its cruise airspeed, m."""
+        return float(self.params["AIRSPEED_CRUISE"] ** 2 / (2 * self.params["Q_TRANS_DECEL"]))
+
     def vtol_state(self) -> int:
         """Return how it flies; forward on the ground, too."""
         if self._goes_over is not None:
@@ -167,7 +175,7 @@ class SimQuadPlane(SimArduPlane):
     def go_to(self, north: float, east: float, down: float) -> None:
         """Hover to a place; a far one is flown to on its wings."""
         body = self.body
-        near = _NEAR * self.params["AIRSPEED_CRUISE"] ** 2 / (2 * self.params["Q_TRANS_DECEL"])
+        near = _NEAR * self.slows_within
         if math.hypot(north - body.north, east - body.east) <= near:
             self.hover()
             self.manoeuvre = GoTo(north, east, down)
@@ -217,7 +225,7 @@ class SimQuadPlane(SimArduPlane):
 
     def watch_idle(self) -> None:
         """Disarm some time after a landing."""
-        by_rotors = self.mode in _BY_ROTORS
+        by_rotors = self.mode in _BY_ROTORS or (self.runs_mission and self.body.hovers)
         if by_rotors and self.touched_at is not None and self.time - self.touched_at > _LANDED_DISARM:
             self.say(INFO, "Throttle disarmed")
             self.disarm()

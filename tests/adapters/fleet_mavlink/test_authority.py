@@ -46,6 +46,23 @@ def test_a_mode_that_we_did_not_ask_for_is_told_once(watched):
     assert watched.authority.lost_to == "ALTCTL"
 
 
+def test_who_arms_it_has_it_from_then_on(watched):
+    watched.see("AUTO.TAKEOFF", armed=False)
+    watched.authority.armed_by("ground station 255/190")
+    watched.see("AUTO.TAKEOFF", armed=False)
+    assert watched.reasons == []
+    watched.see("AUTO.TAKEOFF")
+    assert watched.reasons == ["ground station 255/190 commands it"]
+    assert watched.authority.taker == "AUTO.TAKEOFF: commanded by ground station 255/190"
+
+
+def test_an_arming_that_we_ask_for_later_is_ours(watched):
+    watched.authority.armed_by("ground station 255/190")
+    watched.authority.expect("AUTO.TAKEOFF")
+    watched.see("AUTO.TAKEOFF", armed=False).see("AUTO.TAKEOFF")
+    assert watched.reasons == []
+
+
 def test_a_fail_safe_is_told_as_what_it_is(watched):
     watched.see("AUTO.LOITER").see("AUTO.RTL", status=5)
     assert watched.reasons[0].endswith("its own fail-safe")

@@ -3,6 +3,7 @@
 import asyncio
 import contextlib
 import re
+import socket
 import sys
 from pathlib import Path
 
@@ -26,17 +27,36 @@ LIMIT = 60  # seconds for one wait, on a busy computer
 MAVSDK_SYSTEM = 245  # of its ground stations
 
 
+@pytest.fixture
+def two_free_udp_ports():
+    """Find two UDP ports that nobody uses."""
+    with (
+        socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as one,
+        socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as other,
+    ):
+        for probe in (one, other):
+            probe.bind(("127.0.0.1", 0))
+        return one.getsockname()[1], other.getsockname()[1]
+
+
 @contextlib.asynccontextmanager
 async def flown(port, **watcher):
     """Run the adapter of a simulated ArduCopter that is shown at a port."""
+    async with shown("multirotor", {"link": f"udpout:127.0.0.1:{port}", **watcher}) as running:
+        yield running
+
+
+@contextlib.asynccontextmanager
+async def shown(vehicle, *watchers):
+    """Run the adapter of a simulated vehicle on ArduPilot, with watchers."""
     entry = {
         "name": "kestrel",
         "twin": TWIN,
         "adapter": "mavlink",
-        "link": "sim:ardupilot?speed=3&ready=1",
-        "watchers": [{"link": f"udpout:127.0.0.1:{port}", **watcher}],
+        "link": f"sim:ardupilot?vehicle={vehicle}&speed=3&ready=1",
+        "watchers": list(watchers),
     }
-    robot = LoopRobot("kestrel", MavlinkAdapter.limits)
+    robot = LoopRobot("kestrel", MavlinkAdapter.limits.model_copy(update={"speed": 25.0}))
     adapter = MavlinkAdapter(MavlinkConfig.model_validate(entry), robot)
     running = asyncio.ensure_future(serve(adapter))
     try:
@@ -183,3 +203,63 @@ async def test_mavproxy_flies_the_vehicle_as_its_operator(free_udp_port, tmp_pat
         station.type("mode LAND")
         await station.says("Mode LAND")
         await station.says("DISARMED")
+
+
+@contextlib.asynccontextmanager
+async def both(folder, ports, *, operates):
+    """Show a plane to MAVSDK and to MAVProxy, of which one operates it and the other watches."""
+    sdk = {"link": f"udpout:127.0.0.1:{ports[0]}"}
+    proxy = {"link": f"udpout:127.0.0.1:{ports[1]}"}
+    operator = {"mavsdk": sdk, "mavproxy": proxy}[operates]
+    operator |= {"may": "operate", "station": {"mavsdk": 245, "mavproxy": 255}[operates]}
+    async with (
+        shown("plane", sdk, proxy) as (adapter, robot),
+        mavsdk(ports[0]) as system,
+        mavproxy(ports[1], folder) as station,
+    ):
+        await station.says(r"Saved \d+ parameters")
+        yield adapter, robot, system, station
+
+
+def vehicle_mode(adapter):
+    """Return the mode that the vehicle shows."""
+    vehicle = adapter._session.vehicle
+    return vehicle.kind.mode_of(vehicle.state)
+
+
+async def test_mavproxy_flies_a_plane_while_mavsdk_watches(two_free_udp_ports, tmp_path):
+    async with both(tmp_path, two_free_udp_ports, operates="mavproxy") as (adapter, _, system, station):
+        action, telemetry = ActionAsync(system), TelemetryAsync(system)
+        with pytest.raises(ActionError, match="DENIED"):
+            await action.arm()
+        station.type("mode TAKEOFF")
+        await station.says("Mode TAKEOFF")
+        station.type("arm throttle")
+        await station.says("^ARMED")
+        await wait_for(telemetry.subscribe_position(), lambda place: place.relative_altitude_m > 30.0)
+        assert adapter._session.authority.taker.endswith("commanded by ground station 255/230")
+        with pytest.raises(ActionError):
+            await action.return_to_launch()
+        assert vehicle_mode(adapter) == "TAKEOFF"
+        station.type("mode LOITER")
+        await station.says("Mode LOITER")
+        await wait_for(telemetry.subscribe_flight_mode(), lambda mode: mode.name == "HOLD")
+
+
+async def test_mavsdk_takes_a_plane_over_while_mavproxy_watches(two_free_udp_ports, tmp_path):
+    async with both(tmp_path, two_free_udp_ports, operates="mavsdk") as (adapter, robot, system, station):
+        station.type("mode TAKEOFF")
+        await station.says("DO_SET_MODE: DENIED")
+        async with asyncio.timeout(LIMIT):
+            async for _ in adapter.takeoff(altitude=40.0):
+                pass
+        await station.says("Mode GUIDED")
+        assert robot.losses == []
+        station.type("mode MANUAL")
+        await station.says("DO_SET_MODE: DENIED")
+        await ActionAsync(system).return_to_launch()
+        await robot.until(lambda: bool(robot.losses), LIMIT)
+        assert robot.losses == ["ground station 245/190 commands it"]
+        await station.says("Mode RTL")
+        await adapter.stop("hover")
+        assert vehicle_mode(adapter) == "LOITER"

@@ -48,6 +48,11 @@ def decoded(path):
             yield stamp - began, message
 
 
+def is_vehicles(message):
+    """Return whether a message is the heartbeat of an autopilot."""
+    return message.get_type() == "HEARTBEAT" and message.autopilot != mav.MAV_AUTOPILOT_INVALID
+
+
 class Seen:
     """What one vehicle did, in order: changes of kinds, answers, and how it stood when it was asked."""
 
@@ -86,6 +91,8 @@ class Recording:
         self.steps = []  # ("change", kind, value, seconds) or ("send", message, seconds, height or None)
         self.home = None
         messages = list(decoded(HERE / f"{name}.tlog"))
+        beat = next(each for _, each in messages if is_vehicles(each))
+        self.system = beat.get_srcSystem()
         told = [at for at, each in messages if each.get_type() == "EXTENDED_SYS_STATE"]
         self.rarely_tells_landing = len(told) < 1.5 * messages[-1][0]
         self.tells_mode = sum(each.get_type() == "CURRENT_MODE" for _, each in messages) > 50
@@ -97,10 +104,7 @@ class Recording:
         self.booted = next(  # s that it had been on when the recording began
             each.time_boot_ms / 1000 - at
             for at, each in messages
-            if each.get_srcSystem() == 1 and getattr(each, "time_boot_ms", 0)
-        )
-        beat = next(
-            each for _, each in messages if each.get_type() == "HEARTBEAT" and each.get_srcSystem() == 1
+            if each.get_srcSystem() == self.system and getattr(each, "time_boot_ms", 0)
         )
         self.flavour = {3: "ardupilot", 12: "px4"}[beat.autopilot]
         self.vehicle = "rover" if beat.type == mav.MAV_TYPE_GROUND_ROVER else "multirotor"
@@ -111,7 +115,7 @@ class Recording:
         return bool(later) and later[0][0] == "send" and later[0][1].get_type().startswith("SET_POSITION")
 
     def _take(self, at, message):
-        if message.get_srcSystem() != 1:
+        if message.get_srcSystem() != self.system:
             self._take_sent(at, message)
             return
         take = getattr(self, f"_{message.get_type().lower()}", None)
@@ -120,7 +124,7 @@ class Recording:
 
     def _take_sent(self, at, message):
         kind = message.get_type()
-        if kind not in SENT or getattr(message, "target_system", 1) != 1:
+        if kind not in SENT or getattr(message, "target_system", self.system) != self.system:
             return
         flies = kind.startswith("COMMAND") and message.command in FLIGHT
         if flies:
@@ -170,7 +174,11 @@ class Flown:
         self.seen, self.now = Seen(), 0.0
         self._beat_at = 0.0
         self._vehicle = SimVehicle(
-            recording.flavour, vehicle=recording.vehicle, home=(*recording.home, 0.0), faults=faults
+            recording.flavour,
+            vehicle=recording.vehicle,
+            system_id=recording.system,
+            home=(*recording.home, 0.0),
+            faults=faults,
         )
         self._used = {}
         offset = recording.booted

@@ -76,6 +76,27 @@ def test_the_landing_pattern_of_a_plane_is_its_start_its_approach_and_its_end():
     assert straight["items"][2] == {"type": "waypoint", **there}
 
 
+@pytest.mark.parametrize("kind", ["fwLandingPattern", "vtolLandingPattern"])
+def test_the_landing_pattern_of_a_vtol_is_one_like_any_other(kind):
+    pattern = {
+        "type": "ComplexItem",
+        "complexItemType": kind,
+        "altitudesAreRelative": True,
+        "landCoordinate": [47.3970, 8.5450, 0],
+        "landingApproachCoordinate": [47.3990, 8.5450, 40],
+        "loiterClockwise": True,
+        "loiterRadius": 75,
+    }
+    found = plan_in(plan(item(84), item(16, place=HERE), pattern))["items"]
+    assert [each["type"] for each in found] == ["waypoint", "land_start", "loiter_to_altitude", "land"]
+
+
+def test_a_take_off_and_a_landing_with_rotors_are_a_way_there_and_a_landing():
+    down = item(85, place=(47.3970, 8.5450, 0))
+    found = plan_in(plan(item(84, place=HERE), down))["items"]
+    assert [each["type"] for each in found] == ["waypoint", "land"]
+
+
 def test_a_landing_is_the_end_of_a_plan():
     down = item(21, place=(47.3970, 8.5450, 0))
     assert plan_in(plan(item(16, place=HERE), down))["items"][-1]["type"] == "land"

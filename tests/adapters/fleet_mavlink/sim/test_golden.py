@@ -12,7 +12,7 @@ RECORDINGS = [
     "px4_takeoff_low",
     "px4_takeoff_variants",
 ]
-DRIVES = ["ap_rover", "ap_rover_stops"]
+DRIVES = ["ap_rover", "ap_rover_drive", "ap_rover_stops"]
 ON_GROUND = 1
 COMES_DOWN = {0x06040000, 0x05040000, 6, 9}  # modes that take the ground's time
 UNDECIDED = {

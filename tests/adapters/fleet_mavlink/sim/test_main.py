@@ -1,10 +1,12 @@
 """The simulator as a subprocess."""
 
 import asyncio
+import json
 import signal
 import sys
 
 import pytest
+from pymavlink.dialects.v20 import all as mav
 
 from fleet.errors import LinkRefused
 from fleet.sim.process import SimProcess
@@ -26,6 +28,34 @@ async def test_a_vehicle_has_its_own_port_and_is_gone_with_whoever_asked_for_it(
             await simulator.fault(one, "reboot")
 
 
+@pytest.mark.parametrize(
+    ("flavour", "kind", "number"),
+    [
+        ("ardupilot", "rover", mav.MAV_TYPE_GROUND_ROVER),
+        ("ardupilot", "plane", mav.MAV_TYPE_FIXED_WING),
+        ("px4", "vtol", mav.MAV_TYPE_VTOL_RESERVED2),
+    ],
+)
+async def test_vehicles_of_each_kind_wait_on_a_link(flavour, kind, number):
+    process = await asyncio.create_subprocess_exec(
+        *(sys.executable, "-m", "fleet_mavlink.sim", "--tcp", "0", "--flavour", flavour, "--vehicle", kind),
+        stdout=asyncio.subprocess.PIPE,
+    )
+    async with asyncio.timeout(60):
+        url = json.loads(await process.stdout.readline())["url"]
+        reader, writer = await asyncio.open_connection("127.0.0.1", int(url.rpartition(":")[2]))
+        parser, seen = mav.MAVLink(None), set()
+        parser.robust_parsing = True
+        while not seen:
+            messages = parser.parse_buffer(await reader.read(4096)) or []
+            seen = {each.type for each in messages if each.get_type() == "HEARTBEAT"}
+        writer.close()
+        await writer.wait_closed()
+        process.terminate()
+        await process.communicate()
+    assert seen == {number}
+
+
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
 async def test_a_signal_ends_it_cleanly(number):
     process = await asyncio.create_subprocess_exec(
@@ -45,6 +75,7 @@ async def test_a_signal_ends_it_cleanly(number):
         (["--home", "1,2"], b"LATITUDE,LONGITUDE"),
         (["--fault", "los:1"], b"did you mean 'loss'"),
         (["--system-id", "250", "--vehicles", "9"], b"system id 255"),
+        (["--flavour", "px4", "--vehicle", "rover"], b"there is no simulated rover on px4"),
     ],
 )
 async def test_impossible_options_are_refused_in_one_line(options, says):

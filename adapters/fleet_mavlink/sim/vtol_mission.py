@@ -1,0 +1,57 @@
+"""A mission as VTOLs fly it: as planes do, but that NAV_VTOL_LAND ends it with the rotors."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import TYPE_CHECKING, ClassVar
+
+from pymavlink.dialects.v20 import all as mav
+
+from fleet_mavlink.sim.manoeuvres import GoTo, Land, Manoeuvre
+from fleet_mavlink.sim.mission_flight import FlyMission, LandThere, place_of_item
+from fleet_mavlink.sim.physics import Aim
+from fleet_mavlink.sim.plane_mission import WingedMission
+from fleet_mavlink.sim.plane_moves import Pass
+
+if TYPE_CHECKING:
+    from fleet_mavlink.sim.autopilot import Autopilot
+    from fleet_mavlink.sim.missions import Item
+
+
+class _LandByRotors(Manoeuvre):
+    """Fly near the place on its wings, hover over to it at the same height, and come down."""
+
+    def __init__(self, pilot: Autopilot, item: Item) -> None:
+        north, east, _ = place_of_item(pilot, item)
+        self._leg: Manoeuvre = Pass(north, east, pilot.body.down, pilot.slows_within)  # type: ignore[attr-defined]
+        self._above = GoTo(north, east, pilot.body.down)
+
+    def aim(self, pilot: Autopilot) -> Aim:
+        """Return the aim of the leg that is being flown."""
+        if self._leg.done and isinstance(self._leg, Pass):
+            self._leg = self._above
+            pilot.hover()  # type: ignore[attr-defined]
+        elif self._leg.done and self._leg is self._above:
+            self._leg = Land(pilot)
+        self.in_air_state = self._leg.in_air_state
+        wanted = self._leg.aim(pilot)
+        self.done = self._leg.done and isinstance(self._leg, Land)
+        return wanted
+
+
+class VtolMission(WingedMission):
+    """Fly the items from the current one on, on its wings."""
+
+    manoeuvres: ClassVar[Mapping[int, Callable[[Autopilot, Item], Manoeuvre]]] = {
+        **WingedMission.manoeuvres,
+        mav.MAV_CMD_NAV_VTOL_LAND: _LandByRotors,
+    }
+
+
+class HoverMission(FlyMission):
+    """Fly the items from the current one on, in its hover."""
+
+    manoeuvres: ClassVar[Mapping[int, Callable[[Autopilot, Item], Manoeuvre]]] = {
+        **FlyMission.manoeuvres,
+        mav.MAV_CMD_NAV_VTOL_LAND: LandThere,
+    }
