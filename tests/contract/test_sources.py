@@ -132,7 +132,6 @@ LARGER = {
     "fleet/client/edges.py:Edges": 25,
     "fleet/host/edge/missions.py:Missions": 24,
     "fleet/host/process/robot_process.py:RobotProcess": 25,
-    "fleet/host/robot/adapter_runner.py:AdapterRunner": 22,
     "fleet/host/robot/controller.py:RobotController": 35,
     "fleet/host/robot/local_robot.py:LocalRobot": 27,
     "fleet/host/robot/motion_guard.py:MotionGuard": 21,
