@@ -134,7 +134,6 @@ LARGER = {
     "fleet/host/process/robot_process.py:RobotProcess": 25,
     "fleet/host/robot/controller.py:RobotController": 35,
     "fleet/host/robot/local_robot.py:LocalRobot": 27,
-    "fleet/host/robot/motion_guard.py:MotionGuard": 21,
     "fleet/missions/engine.py:Engine": 24,
     "fleet/spool/queue.py:SpoolQueue": 34,
     "adapters/fleet_mavlink/adapter.py:MavlinkAdapter": 24,
