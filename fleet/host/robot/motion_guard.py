@@ -22,7 +22,6 @@ from fleet.host.robot.robot_place import RobotPlace
 from fleet.host.robot.separation_keeper import SeparationKeeper
 from fleet.host.robot.whereabouts import Whereabouts
 from fleet.host.safety.circles import circled
-from fleet.host.safety.fence import Fence
 from fleet.model.command import Command, Reply
 from fleet.model.event import EventKind
 from fleet.model.geometry import ZERO_VELOCITY, Pose, Vector3, Velocity
@@ -83,20 +82,15 @@ class MotionGuard:
         self._policy: BatteryPolicy | None = None
         self._percent: float | None = None
         self._place = RobotPlace(config.origin, clock)
-        self._fencing = FenceKeeper(self._place, config.fence, limits)
+        self.fencing = FenceKeeper(self._place, config.fence, limits)
         self._armed = False
         self._circle = 0.0  # m about its end in which it stays that cannot stand
         self.configure(config, limits)
 
-    @property
-    def fence(self) -> Fence | None:
-        """The fence that it keeps, None while its corners cannot be placed."""
-        return self._fencing.fence
-
     def configure(self, config: AdapterConfig, limits: Limits) -> None:
         """Keep another fence, other limits and another battery policy from now on, motion included."""
         self._config, self._limits = config, limits
-        self._fencing.configure(config.fence, limits)
+        self.fencing.configure(config.fence, limits)
         before, self._policy = self._policy, config.battery_policy
         if self._policy is None:
             self._battery = None
@@ -141,7 +135,7 @@ class MotionGuard:
 
     def _moves_home(self) -> None:
         """Place the fence, and the robot among others, by its new home."""
-        self._fencing.draw()
+        self.fencing.draw()
         if self.apart is not None:
             self.apart.world_is(self._place.world())
 
@@ -176,12 +170,12 @@ class MotionGuard:
 
     def _look(self) -> None:
         """Tell once that the robot is where it may not be, and end what leads it out."""
-        if self._fencing.look():
-            trouble = f"it is {self._fencing.trouble}"
-            told = {"reason": self._fencing.trouble}
+        if self.fencing.look():
+            trouble = f"it is {self.fencing.trouble}"
+            told = {"reason": self.fencing.trouble}
             self._event_reporter.event(EventKind.FENCE, trouble, telemetry="fence_breached", data=told)
             self._robot.end(f"fence: {trouble}")
-        elif self._fencing.leads_out(self.held):
+        elif self.fencing.leads_out(self.held):
             self._robot.end("fence: the velocity leads out of it")
 
     @property
@@ -229,8 +223,8 @@ class MotionGuard:
 
     def _start_trouble(self) -> str | None:
         """Return why nothing may begin whose way is not known, as a flight; None when it may."""
-        if self._fencing.trouble:
-            return f"it is {self._fencing.trouble}"
+        if self.fencing.trouble:
+            return f"it is {self.fencing.trouble}"
         return (self._battery.start_trouble() or None) if self._battery else None
 
     def task(self, task: AnyTask | None) -> str | None:
@@ -238,7 +232,7 @@ class MotionGuard:
         if isinstance(task, FollowRobot):
             return self.others.trouble(task.robot) or self._start_trouble()
         shares = self.apart is not None and self.apart.is_judged
-        if task is None or (self._battery is None and self._fencing.is_open and not shares):
+        if task is None or (self._battery is None and self.fencing.is_open and not shares):
             return None
         try:
             start, points = self._way(task)
@@ -246,7 +240,7 @@ class MotionGuard:
             return str(error)
         home = self._place.home_point()
         around = circled(task, self._circle)
-        trouble = self.fence.way_trouble(start, points, home, around) if self.fence else ""
+        trouble = self.fencing.fence.way_trouble(start, points, home, around) if self.fencing.fence else ""
         if not trouble and self._battery is not None and isinstance(task, FlyMission):
             trouble = self._battery.start_trouble()
         if not trouble and self._battery is not None:
@@ -258,7 +252,7 @@ class MotionGuard:
 
     def _way(self, task: AnyTask) -> tuple[Vector3, tuple[Vector3, ...]]:
         """Return where a task begins and leads; raises Refused while that, or the fence, is unknown."""
-        if self.fence is None:
+        if self.fencing.fence is None:
             raise Refused("where the fence is, is unknown until the robot tells of its home")
         return self._place.way(task)
 
@@ -279,7 +273,7 @@ class MotionGuard:
 
         Raises Refused while the fence is unknown.
         """
-        velocity = self._fencing.inside(velocity)
+        velocity = self.fencing.inside(velocity)
         return velocity if self.apart is None or velocity.is_zero else self.apart.within(velocity)
 
 
