@@ -129,7 +129,6 @@ def test_settings_of_the_interpreter_have_one_owner(root):
 
 MOST_METHODS = 20  # of one class, properties and private ones counted
 LARGER = {
-    "fleet/client/edges.py:Edges": 25,
     "fleet/host/edge/missions.py:Missions": 24,
     "fleet/host/process/robot_process.py:RobotProcess": 25,
     "fleet/host/robot/controller.py:RobotController": 35,
