@@ -139,7 +139,6 @@ LARGER = {
     "adapters/fleet_mavlink/flight.py:Flight": 23,
     "adapters/fleet_mavlink/session.py:VehicleSession": 25,
     "adapters/fleet_mavlink/sim/autopilot.py:Autopilot": 47,
-    "adapters/fleet_mavlink/sim/missions.py:SimMissions": 22,
     "adapters/fleet_mavlink/sim/px4.py:SimPx4": 32,
     "adapters/fleet_ugv/adapter.py:UgvAdapter": 24,
 }
