@@ -136,7 +136,6 @@ LARGER = {
     "fleet/missions/engine.py:Engine": 24,
     "fleet/spool/queue.py:SpoolQueue": 34,
     "adapters/fleet_mavlink/adapter.py:MavlinkAdapter": 24,
-    "adapters/fleet_mavlink/flight.py:Flight": 23,
     "adapters/fleet_mavlink/session.py:VehicleSession": 25,
     "adapters/fleet_mavlink/sim/autopilot.py:Autopilot": 47,
     "adapters/fleet_mavlink/sim/px4.py:SimPx4": 32,
