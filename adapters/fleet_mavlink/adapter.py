@@ -248,7 +248,7 @@ class MavlinkAdapter(PayloadCommands, TransitionCommands, UpkeepCommands):
     @command("set_home_here", moves=False)
     async def set_home_here(self) -> None:
         """Make this place home."""
-        await self._session.flight.set_home_here()
+        await self._session.flight.home.set_here()
 
     @command("clear_mission", moves=False)
     async def clear_mission(self) -> None:
@@ -270,7 +270,7 @@ class MavlinkAdapter(PayloadCommands, TransitionCommands, UpkeepCommands):
         altitude: Annotated[float, Range(-500, 10_000, "m above mean sea level")] | None = None,
     ) -> None:
         """Make a place home (degrees; m above mean sea level, left out: as high as home is now)."""
-        await self._session.flight.set_home(latitude, longitude, altitude)
+        await self._session.flight.home.set_to(latitude, longitude, altitude)
 
     @command("battery_check", moves=False, safe=True)
     async def battery_check(self) -> None:

@@ -14,7 +14,6 @@ from fleet import (
     GeoPoint,
     Limits,
     LinkError,
-    NotReady,
     Progress,
     Refused,
     TimedOut,
@@ -22,9 +21,10 @@ from fleet import (
 )
 from fleet_mavlink.authority import Authority
 from fleet_mavlink.commander import Commander
-from fleet_mavlink.constants import Cmd, Frame
+from fleet_mavlink.constants import Cmd
 from fleet_mavlink.flavour import Flavour, arm_command
-from fleet_mavlink.messages import Ask, CommandInt, CommandLong, SetPositionTargetGlobalInt
+from fleet_mavlink.home_position import HomePosition
+from fleet_mavlink.messages import Ask, CommandLong, SetPositionTargetGlobalInt
 from fleet_mavlink.motion_effect import Effect, effect_of_descent
 from fleet_mavlink.preconditions import home_unknown, not_moved, require_connection, require_heartbeat
 from fleet_mavlink.remote_id import require_remote_id
@@ -33,10 +33,7 @@ from fleet_mavlink.vehicle import Vehicle
 
 _ARMED_WITHIN = 3.0  # s; the heartbeat that shows it comes once a second
 _POLL = 0.5  # s between checks of a long procedure
-_HOME_WITHIN = 4.0  # s; HOME_POSITION comes once a second
-_DEEPEST, _HIGHEST = -500.0, 9000.0  # m AMSL, plausible altitudes of a take-off
 FARTHEST = 100_000.0  # m; a goal beyond it is a mistake, such as a wrong unit or swapped coordinates
-_SAME_HOME = 2.0  # m
 _SLOW = 0.5  # m/s that counts as standing
 
 
@@ -62,6 +59,7 @@ class Flight:
         self.descent = ""  # the mode of the landing, or way home, that was begun last
         self._farthest = limits.distance or FARTHEST
         self.give_way = give_way
+        self.home = HomePosition(vehicle, commander)
 
     @property
     def flavour(self) -> Flavour:
@@ -192,7 +190,7 @@ class Flight:
             if self.mode(self.vehicle.state) != flavour.goto:
                 await self.enter(flavour.goto)  # which forgets what came before
             await self.commander.ask(before)
-        go = flavour.go_command(to, await self.home_altitude(), speed, heading)
+        go = flavour.go_command(to, await self.home.altitude(), speed, heading)
         if isinstance(go, SetPositionTargetGlobalInt):
             if self.mode(self.vehicle.state) != flavour.goto:
                 await self.enter(flavour.goto)
@@ -231,57 +229,6 @@ class Flight:
         if away > self._farthest:
             raise Refused(f"{away:.0f} m from home is beyond the limit of {self._farthest:g} m")
 
-    async def home_altitude(self) -> float:
-        """Return the altitude of home, m AMSL, waiting a moment for it; raises NotReady."""
-        if self.vehicle.state.home_altitude is None:
-            await self.vehicle.until(lambda state: state.home_altitude is not None, _ARMED_WITHIN)
-        altitude = self.vehicle.state.home_altitude
-        if altitude is None:
-            raise home_unknown()
-        return altitude
-
-    async def set_home_here(self) -> None:
-        """Make the current position home; in the air at home's old altitude, so that heights stay valid."""
-        require_connection(self.vehicle)
-        state = self.vehicle.state
-        here = state.position
-        if here is None or not state.knows_where(self.vehicle.now()):
-            raise NotReady("position is unknown")
-        altitude = None if state.in_air else here.altitude
-        _require_place(here.latitude, here.longitude, altitude or 0.0)
-        await self._tell_home(here.latitude, here.longitude, altitude)
-
-    async def set_home(self, latitude: float, longitude: float, altitude: float | None) -> None:
-        """Make a position home, and wait until the vehicle reports it; m AMSL, None: home's current altitude.
-
-        Raises Refused for an invalid position, and for another altitude in the air, because heights are
-        relative to it.
-        """
-        require_connection(self.vehicle)
-        _require_place(latitude, longitude, altitude or 0.0)
-        if altitude is not None and self.vehicle.state.in_air:
-            raise Refused("in the air home keeps its altitude", hint="leave the altitude out")
-        await self._tell_home(latitude, longitude, altitude)
-
-    async def _tell_home(self, latitude: float, longitude: float, altitude: float | None) -> None:
-        """Send a home position, and wait until the vehicle reports it."""
-        home = GeoPoint(latitude, longitude, await self.home_altitude() if altitude is None else altitude)
-
-        def shown(state: VehicleState) -> bool:
-            return state.home is not None and _are_one(state.home, home)
-
-        await self.commander.ask(
-            CommandInt(
-                Cmd.DO_SET_HOME,
-                frame=Frame.GLOBAL,
-                x=round(latitude * 1e7),
-                y=round(longitude * 1e7),
-                z=home.altitude,
-            )
-        )
-        if not await self.vehicle.until(shown, _HOME_WITHIN):
-            raise TimedOut("it took the command but tells another home")
-
     async def kill(self) -> None:
         """Stop the motors at once, wherever it is; returns once the heartbeat shows it."""
         require_heartbeat(self.vehicle)
@@ -314,20 +261,6 @@ class Flight:
         while (left := by - self.vehicle.now()) > 0:
             self.check(*modes)
             await asyncio.sleep(min(left, _POLL))
-
-
-def _require_place(latitude: float, longitude: float, altitude: float) -> None:
-    """Raise Refused unless home can be there (degrees, m AMSL)."""
-    if not (abs(latitude) < 90 and abs(longitude) <= 180 and math.isfinite(altitude)):
-        raise Refused("home must be a place on Earth, in degrees and metres")
-    if not _DEEPEST <= altitude <= _HIGHEST:
-        raise Refused(f"{altitude:g} m above mean sea level is no altitude of a home")
-
-
-def _are_one(one: GeoPoint, other: GeoPoint) -> bool:
-    """Return True when two positions are the same, within the resolution of the wire."""
-    away = world_from_geo(GeoOrigin(one.latitude, one.longitude, one.altitude), other)
-    return away.norm() <= _SAME_HOME
 
 
 def height_of(state: VehicleState) -> float:

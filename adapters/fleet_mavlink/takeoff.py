@@ -88,7 +88,7 @@ class _Attempt:
     async def begin(self) -> bool:
         """Arm and ask; False when a landing turns out to have ended already."""
         flight, flavour = self._flight, self._flight.flavour
-        self._target = await flight.home_altitude() + self._altitude
+        self._target = await flight.home.altitude() + self._altitude
         self._left = flight.mode(self._vehicle.state)
         self._armed_by_us = not self._vehicle.state.armed
         flight.give_way(flavour, flavour.takeoff)
@@ -96,7 +96,7 @@ class _Attempt:
             await flight.arm()
         elif flavour.takeoff == flavour.arming != self._left:
             await flight.enter(flavour.arming)
-        self._target = await flight.home_altitude() + self._altitude
+        self._target = await flight.home.altitude() + self._altitude
         try:
             await self._ask()
         except CommandError:
@@ -215,7 +215,7 @@ class _Attempt:
         vehicle, flight = self._vehicle, self._flight
         here = known_position(vehicle)
         height = min(max(self._altitude, flight.flavour.lowest + _WITHIN), flight.ceiling - _WITHIN)
-        above = GeoPoint(here.latitude, here.longitude, await flight.home_altitude() + height)
+        above = GeoPoint(here.latitude, here.longitude, await flight.home.altitude() + height)
         await flight.go(above, _CORRECTS_AT, known_heading(vehicle))
 
     def _at_height(self, state: VehicleState) -> bool:

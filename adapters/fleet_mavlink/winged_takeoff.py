@@ -45,7 +45,7 @@ class WingedTakeOff:
         if not vehicle.state.in_air:
             arms = not vehicle.state.armed
             await flight.arm()
-            home = await flight.home_altitude()
+            home = await flight.home.altitude()
             await flight.enter(flavour.takeoff, flavour.takeoff_command(self._altitude, home))
             yield Progress(0.0, "taking off")
             async for progress in self._leave_ground(disarms=arms):
@@ -77,7 +77,7 @@ class WingedTakeOff:
         flight, vehicle = self._flight, self._vehicle
         if self._flavour.takeoff_height is None and self._at_height(vehicle.state):
             return
-        here, home = known_position(vehicle), await flight.home_altitude()
+        here, home = known_position(vehicle), await flight.home.altitude()
         await flight.go(GeoPoint(here.latitude, here.longitude, home + self._altitude), self._speed, math.nan)
         while not await vehicle.until(self._at_height, _POLL):
             flight.check(self._flavour.goto)

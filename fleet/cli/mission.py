@@ -16,6 +16,7 @@ from fleet.cli.output import ExitCode, Output, show_error, with_output
 from fleet.cli.rehearsals import follow_rehearsal
 from fleet.cli.runs import follow, lane_lines
 from fleet.cli.send import pair
+from fleet.client import mission_requests
 from fleet.client.edges import Edges
 from fleet.client.local_user import local_user
 from fleet.client.missions import (
@@ -51,7 +52,7 @@ def mission() -> None:
 def ls(out: Output, *, file: str | None) -> ExitCode:
     """List the missions that the running edges know."""
     with Edges.reach(file) as edges:
-        found = edges.missions("*")
+        found = mission_requests.missions(edges, "*")
     out.data({"missions": [msgspec.to_builtins(each) for each in found]})
     out.table(
         ["mission", "edge", "roles", "summary"],
@@ -196,7 +197,7 @@ def ps(out: Output, *, ended: bool, file: str | None) -> ExitCode:
     """
     with Edges.reach(file) as edges:
         while True:
-            found = [each for each in edges.runs("*") if ended or not each.outcome]
+            found = [each for each in mission_requests.runs(edges, "*") if ended or not each.outcome]
             if out.as_json or out.height is None or not any(not each.outcome for each in found):
                 break
             out.screen(lane_lines(found, out.width))
@@ -243,7 +244,7 @@ def story(out: Output, run: str, *, file: str | None) -> ExitCode:
     """Tell what happened in RUN, step by step; of the newest run when left out."""
     with Edges.reach(file) as edges:
         state = find_run(edges, run, ended=True)
-        lines = edges.story(state.edge, state.run)
+        lines = mission_requests.story(edges, state.edge, state.run)
     out.data({"run": state.run, "log": [msgspec.to_builtins(each) for each in lines]})
     for each in lines:
         clock = time.strftime("%H:%M:%S", time.localtime(each.stamp))
@@ -262,8 +263,8 @@ def results(out: Output, run: str, *, file: str | None) -> ExitCode:
     """
     with Edges.reach(file) as edges:
         state = find_run(edges, run, ended=True)
-        found = edges.results(state.edge, state.run)
-        log = edges.story(state.edge, state.run)
+        found = mission_requests.results(edges, state.edge, state.run)
+        log = mission_requests.story(edges, state.edge, state.run)
     listed = [msgspec.to_builtins(each) for each in found]
     out.data({"run": state.run, "edge": state.edge, "results": listed, "log": len(log)})
     rows = [
@@ -286,7 +287,7 @@ def _controlled(
         wanted = ask(local_user())
         if asks and state.question is not None:
             wanted = msgspec.structs.replace(wanted, question=state.question.id)
-        refusal = edges.control_run(state.edge, state.run, wanted).refusal
+        refusal = mission_requests.control(edges, state.edge, state.run, wanted).refusal
     if refusal:
         raise Refused(f"run {state.run}: {refusal}")
     out.data({"run": state.run, "ok": True})

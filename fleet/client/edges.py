@@ -18,9 +18,6 @@ from fleet.config.text import nearest
 from fleet.errors import BusError, NotRunning, Refused, TimedOut
 from fleet.history.event_filter import EventFilter, newest
 from fleet.history.record import Record
-from fleet.missions.report import ControlAsk, Controlled, MissionState, RunState, StartAsk, Started
-from fleet.missions.results import Result
-from fleet.missions.store import Told
 from fleet.model.command import Reply
 from fleet.model.description import RobotDescription
 from fleet.model.place import Place
@@ -90,7 +87,7 @@ class Edges:
     def states(self) -> list[RobotState]:
         """Return the robots' states, by edge and name; the newest where several speak for a robot."""
         found: dict[tuple[str, str], RobotState] = {}
-        for bus_session, _, state in self._asked(keys.state("*", "*"), RobotState):
+        for bus_session, _, state in self.asked(keys.state("*", "*"), RobotState):
             robot = (state.edge, state.name)
             self._ways.setdefault(robot, bus_session)
             if robot not in found or state.stamp > found[robot].stamp:
@@ -99,7 +96,7 @@ class Edges:
 
     def edges(self) -> list[EdgeState]:
         """Return the edges' own states, by name."""
-        found = {state.edge: state for _, _, state in self._asked(keys.health("*"), EdgeState)}
+        found = {state.edge: state for _, _, state in self.asked(keys.health("*"), EdgeState)}
         return [found[edge] for edge in sorted(found)]
 
     def silent(self, found: Iterable[EdgeState]) -> list[str]:
@@ -153,7 +150,7 @@ class Edges:
 
     def description(self, robot: RobotState) -> RobotDescription:
         """Return what a robot takes; raises TimedOut when its process does not answer."""
-        for _, _, found in self._asked(keys.description(robot.edge, robot.name), RobotDescription):
+        for _, _, found in self.asked(keys.description(robot.edge, robot.name), RobotDescription):
             return found
         raise TimedOut(f"{robot.name} does not say what it takes: {robot.cause or 'its process is silent'}")
 
@@ -183,7 +180,7 @@ class Edges:
         """Return the schedules of all edges, with their edge; raises Refused where one cannot tell them."""
         asked = msgspec.json.encode(ScheduleAsked())
         found = []
-        for _, key, answer in self._asked(keys.schedules("*"), ScheduleAnswer, asked, HISTORY_WITHIN):
+        for _, key, answer in self.asked(keys.schedules("*"), ScheduleAnswer, asked, HISTORY_WITHIN):
             if answer.refusal:
                 raise Refused(f"edge {key.split('/')[1]}: {answer.refusal}")
             found += [(key.split("/")[1], state) for state in answer.schedules]
@@ -192,41 +189,16 @@ class Edges:
     def ask_schedules(self, edge: str, asked: ScheduleAsked) -> ScheduleAnswer:
         """Ask something of an edge's schedules; raises TimedOut when it does not answer."""
         payload = msgspec.json.encode(asked)
-        for _, _, answer in self._asked(keys.schedules(edge), ScheduleAnswer, payload, STARTED_WITHIN):
+        for _, _, answer in self.asked(keys.schedules(edge), ScheduleAnswer, payload, STARTED_WITHIN):
             return answer
         raise TimedOut(f"edge {edge} does not answer for its schedules")
 
     def history(self, wanted: EventFilter) -> list[Record]:
         """Return what the edges know of what happened to their robots, the oldest first."""
         asked = msgspec.json.encode(wanted)
-        parts = self._asked(keys.history("*"), list[Record], asked, HISTORY_WITHIN)
+        parts = self.asked(keys.history("*"), list[Record], asked, HISTORY_WITHIN)
         told = ((key.split("/")[1], record) for _, key, part in parts for record in part)
         return newest((msgspec.structs.replace(record, edge=edge) for edge, record in told), wanted)
-
-    def missions(self, name: str) -> list[MissionState]:
-        """Return the missions of this name (``*``: all) that the edges know."""
-        return [found for _, _, found in self._asked(keys.mission("*", name), MissionState)]
-
-    def runs(self, run: str) -> list[RunState]:
-        """Return the runs of this id (``*``: all), those under way and the newest that ended."""
-        return [found for _, _, found in self._asked(keys.run("*", run), RunState)]
-
-    def start_mission(self, edge: str, name: str, asked: StartAsk) -> Started:
-        """Start a mission on an edge; raises TimedOut when that does not answer."""
-        return self.one(keys.mission(edge, name), Started, asked, {"do": "start"})
-
-    def control_run(self, edge: str, run: str, asked: ControlAsk) -> Controlled:
-        """Control a run; raises TimedOut when its edge does not answer."""
-        return self.one(keys.run(edge, run), Controlled, asked)
-
-    def story(self, edge: str, run: str) -> list[Told]:
-        """Return what happened in a run; raises TimedOut when its edge does not answer."""
-        return self.one(keys.run(edge, run), list[Told], ControlAsk("log"))
-
-    def results(self, edge: str, run: str) -> list[Result]:
-        """Return what a run left behind, nothing where its edge has nothing of it; waits for its disk."""
-        asked = msgspec.json.encode(ControlAsk("results"))
-        return [one for _, _, found in self._asked(keys.run(edge, run), list[Result], asked) for one in found]
 
     def one(
         self,
@@ -246,7 +218,7 @@ class Edges:
                 return found
         raise TimedOut(f"no answer within {within:g} s on {key}")
 
-    def _asked(
+    def asked(
         self, key: str, kind: type[T], payload: bytes = b"", within: float = ANSWER_WITHIN
     ) -> Iterator[tuple[ZenohSession, str, T]]:
         """Ask all at once; yield what everyone answers on a key, by which session and on which key."""

@@ -11,6 +11,7 @@ from typing import Any
 
 import msgspec
 
+from fleet.client import mission_requests
 from fleet.client.edges import Edges
 from fleet.client.local_user import local_user
 from fleet.errors import Refused, TimedOut, WireError
@@ -37,7 +38,7 @@ class MissionRun:
 
     def state(self) -> RunState | None:
         """Return what it looks like now; None when its edge does not answer."""
-        return next(iter(self._edges.runs(self.id)), None)
+        return next(iter(mission_requests.runs(self._edges, self.id)), None)
 
     def follow(self, every: float = LOOK) -> Iterator[RunState]:
         """Yield what it looks like, every so many seconds, its end last.
@@ -81,16 +82,16 @@ class MissionRun:
 
     def log(self) -> list[Told]:
         """Return what happened in it, the oldest line first; raises TimedOut."""
-        return self._edges.story(self.edge, self.id)
+        return mission_requests.story(self._edges, self.edge, self.id)
 
     def results(self) -> list[Result]:
         """Return what it has left behind so far: files on the disk of its edge."""
-        return self._edges.results(self.edge, self.id)
+        return mission_requests.results(self._edges, self.edge, self.id)
 
     def _control(self, asked: ControlAsk) -> None:
         """Control it; raises Refused, TimedOut."""
         named = msgspec.structs.replace(asked, session_id=self._by)
-        refusal = self._edges.control_run(self.edge, self.id, named).refusal
+        refusal = mission_requests.control(self._edges, self.edge, self.id, named).refusal
         if refusal:
             raise Refused(f"run {self.id}: {refusal}")
 
@@ -113,17 +114,19 @@ def start_mission(
     chosen = {role: list(names) for role, names in robots.items()}
     ask = StartAsk(mission=sent, inputs=dict(inputs), robots=chosen, run=run, session_id=by)
     edge = edge_of(edges, name, chosen, sent)
-    shown = _taken(edges.start_mission(edge, name, msgspec.structs.replace(ask, only_fill=True)))
+    shown = _taken(mission_requests.start(edges, edge, name, msgspec.structs.replace(ask, only_fill=True)))
     filled(shown.roles)
-    started = _taken(edges.start_mission(edge, name, msgspec.structs.replace(ask, robots=shown.roles)))
+    started = _taken(
+        mission_requests.start(edges, edge, name, msgspec.structs.replace(ask, robots=shown.roles))
+    )
     return MissionRun(edges, msgspec.structs.replace(started, roles=shown.roles), edge, by)
 
 
 def known_mission(edges: Edges, name: str) -> MissionState:
     """Return a mission by its name; raises Refused."""
-    found = edges.missions(name)
+    found = mission_requests.missions(edges, name)
     if not found:
-        known = ", ".join(each.name for each in edges.missions("*")) or "none"
+        known = ", ".join(each.name for each in mission_requests.missions(edges, "*")) or "none"
         raise Refused(f"there is no mission {name!r}", hint=f"there are: {known}")
     if len(found) > 1:
         raise Refused(
@@ -134,7 +137,7 @@ def known_mission(edges: Edges, name: str) -> MissionState:
 
 def find_run(edges: Edges, run: str, *, ended: bool = False) -> RunState:
     """Return a run by its id or its beginning; left out, the only one under way, or the newest. Refused."""
-    found = [each for each in edges.runs("*") if ended or not each.outcome]
+    found = [each for each in mission_requests.runs(edges, "*") if ended or not each.outcome]
     if run:
         found = [each for each in found if each.run.startswith(run)]
     elif ended:

@@ -14,6 +14,7 @@ import msgspec
 import psutil
 import pytest
 
+from fleet.client import mission_requests
 from fleet.client.edges import Edges
 from fleet.errors import FleetError
 from fleet.testing.waiting import wait_until
@@ -124,7 +125,7 @@ def client(yard):
 def run_of(yard, run):
     """Return what the edge says of a run; None while it does not answer."""
     with client(yard) as edges:
-        runs = edges.runs(run) if edges else []
+        runs = mission_requests.runs(edges, run) if edges else []
     return json.loads(msgspec.json.encode(runs[0])) if runs else None
 
 

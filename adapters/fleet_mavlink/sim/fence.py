@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 from fleet import Polygon, polygon_contains
-from fleet_mavlink.sim.missions import FENCE, Item
+from fleet_mavlink.sim.mission_items import FENCE, Item
 
 if TYPE_CHECKING:
     from fleet_mavlink.sim.autopilot import Autopilot

@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, ClassVar
 from pymavlink.dialects.v20 import all as mav
 
 from fleet_mavlink.sim.manoeuvres import GoTo, Land, Manoeuvre, Takeoff, hold
-from fleet_mavlink.sim.missions import ACTIVE, COMPLETE, LOITER_TURNS, NOT_STARTED, PAUSED, Item
+from fleet_mavlink.sim.mission_items import LOITER_TURNS, Item
+from fleet_mavlink.sim.missions import ACTIVE, COMPLETE, NOT_STARTED, PAUSED
 from fleet_mavlink.sim.physics import Aim
 
 if TYPE_CHECKING:

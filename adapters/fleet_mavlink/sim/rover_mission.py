@@ -15,7 +15,7 @@ from fleet_mavlink.sim.speaker import INFO
 if TYPE_CHECKING:
     from fleet_mavlink.sim.autopilot import Autopilot
     from fleet_mavlink.sim.manoeuvres import Manoeuvre
-    from fleet_mavlink.sim.missions import Item
+    from fleet_mavlink.sim.mission_items import Item
 
 
 def _roll(pilot: Autopilot, item: Item) -> Manoeuvre:

@@ -17,7 +17,8 @@ from fleet_mavlink.sim.command_request import ask_of
 from fleet_mavlink.sim.equipment import Equipment
 from fleet_mavlink.sim.faults import FAULTS
 from fleet_mavlink.sim.files import FILES, answer
-from fleet_mavlink.sim.missions import ARDUPILOT_HABITS, PX4_HABITS, SimMissions
+from fleet_mavlink.sim.mission_items import ARDUPILOT_HABITS, PX4_HABITS
+from fleet_mavlink.sim.missions import SimMissions
 from fleet_mavlink.sim.params import (
     Params,
     Values,
@@ -288,9 +289,9 @@ _HANDLERS: Mapping[str, Callable[[Any, object], Iterable[object] | None]] = {
     "LOG_REQUEST_END": lambda pilot, _message: pilot.equipment.logs.asked_end(),
     "LOG_REQUEST_LIST": _list_logs,
     "MISSION_CLEAR_ALL": lambda pilot, message: pilot.missions.clear(message),
-    "MISSION_COUNT": lambda pilot, message: pilot.missions.count(message, pilot.time),
-    "MISSION_ITEM": lambda pilot, message: pilot.missions.item(message, pilot.time),
-    "MISSION_ITEM_INT": lambda pilot, message: pilot.missions.item(message, pilot.time),
+    "MISSION_COUNT": lambda pilot, message: pilot.missions.upload.count(message, pilot.time),
+    "MISSION_ITEM": lambda pilot, message: pilot.missions.upload.item(message, pilot.time),
+    "MISSION_ITEM_INT": lambda pilot, message: pilot.missions.upload.item(message, pilot.time),
     "MISSION_REQUEST": lambda pilot, message: pilot.missions.request(message, pilot.home),
     "MISSION_REQUEST_INT": lambda pilot, message: pilot.missions.request(message, pilot.home),
     "MISSION_REQUEST_LIST": lambda pilot, message: pilot.missions.request_list(message),

@@ -11,7 +11,6 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import logging
-from collections import deque
 from collections.abc import Callable, Coroutine, Iterator
 from typing import Any
 
@@ -22,19 +21,18 @@ from fleet.clock import Clock
 from fleet.errors import Fault, LinkError, LinkLost, LinkRefused, NotReady
 from fleet.host.robot.controller import RobotController
 from fleet.host.robot.robot_handle import RobotHandle
+from fleet.host.robot.run_health import RunHealth
+from fleet.host.robot.strikes import STRIKE_WINDOW, STRIKES, Strikes
 from fleet.host.runtime.cancellation import result_of, retrieve_exception
 from fleet.model.health import Health, Level
 from fleet.runtime.exception_barrier import call_guarded, failure_of, guarded
 
-STRIKES = 3
-STRIKE_WINDOW = 60.0  # s
 SLOW_RETRY = 30.0  # s between tries of what only a person can mend
 NOTHING_STOPS_IT = Health(
     Level.DEGRADED,
     "nothing stops it if this process dies: its adapter declares no failsafe and leaves no halt",
 )
 LEAVE_WITHIN = 2.0  # s that a run gets to end once it is cancelled
-COMING_UP = 10.0  # s in which the steps of a start are no trouble: a line that is silent yet, a set-up
 
 
 class _Restart(Exception):
@@ -76,22 +74,23 @@ class AdapterRunner:
         told: Callable[[Health], None],
     ) -> None:
         self.controller = controller
-        self.health = Health(Level.OFFLINE, "starting")
         self.leftover: asyncio.Future[None] | None = None  # a run that does not end when it is cancelled
         self._make = make
         self._handle = handle
         self._new_waits = waits
         self._clock = clock
-        self._changed = changed
-        self._level_changed = told
         self._log = logging.getLogger(f"fleet.robot.{controller.name}")
+        self._health = RunHealth(self._log, changed=changed, level_changed=told)
         self._crash: asyncio.Future[None] | None = None
-        self._strikes: deque[float] = deque(maxlen=STRIKES)
+        self._strikes = Strikes()
         self._lifted = asyncio.Event()
         self._leaving: asyncio.Event | None = None  # an attempt ends; set once the robot was stopped
-        self._told: Level | None = None
-        self._coming_up: asyncio.TimerHandle | None = None
         self._stopped_by: Callable[[], object] = lambda: True  # what stops the robot when this process dies
+
+    @property
+    def health(self) -> Health:
+        """Health of the robot now."""
+        return self._health.now
 
     async def run(self) -> None:
         """Serve the robot until cancelled; then bring it to a standstill."""
@@ -102,9 +101,9 @@ class AdapterRunner:
             end = await self._once()
             if self._clock.monotonic() - began > SLOW_RETRY:
                 waits = self._new_waits()
-            self._set(end.health)
+            self._health.set(end.health)
             await self._outlive()
-            if self._struck_out():
+            if self._strikes.are_out:
                 await self._quarantine(end.health)
                 waits = self._new_waits()
             else:
@@ -118,10 +117,10 @@ class AdapterRunner:
     def blocked(self, where: str, seconds: float) -> None:
         """Count a block of the event loop, longer than ``seconds``, against this robot."""
         self._log.error("blocked the event loop for more than %.2f s at %s", seconds, where)
-        self._strike()
+        self._strikes.count(self._clock.monotonic())
         if self.health.level < Level.OFFLINE:
-            self._set(Health(Level.DEGRADED, f"blocked the event loop at {where}"))
-        if self._struck_out():
+            self._health.set(Health(Level.DEGRADED, f"blocked the event loop at {where}"))
+        if self._strikes.are_out:
             advice = f"give {self.controller.name} a worker of its own (worker: {self.controller.name})"
             self.crashed(
                 RuntimeError(f"blocked the event loop {STRIKES} times, the last at {where}; {advice}")
@@ -134,14 +133,13 @@ class AdapterRunner:
 
     def stand_by(self, cause: str) -> None:
         """Note why the robot is not run at all."""
-        self._set(Health(Level.OFFLINE, cause))
+        self._health.set(Health(Level.OFFLINE, cause))
 
     async def _once(self) -> _End:
         """Run the adapter once; return what its end means."""
         self._leaving = None
-        loop = asyncio.get_running_loop()
-        self._crash = loop.create_future()
-        self._coming_up = loop.call_later(COMING_UP, self._is_up)
+        self._crash = asyncio.get_running_loop().create_future()
+        self._health.begin_start()
         handle = self._handle(self)
         end = _End(Health(Level.OFFLINE, "the adapter ended by itself"))
         try:
@@ -150,7 +148,7 @@ class AdapterRunner:
             end = self._judged(error)
         finally:
             handle.close()
-            self._forget_start()
+            self._health.end_start()
             self._crash.cancel()
             retrieve_exception(self._crash)
             self.controller.detach(end.health.cause)
@@ -164,7 +162,7 @@ class AdapterRunner:
             if isinstance(cause, kind):
                 return _End(Health(level, str(cause)), slow)
         self._log.error("the adapter failed", exc_info=error)
-        self._strike()
+        self._strikes.count(self._clock.monotonic())
         return _End(Health(Level.FAULT, f"{type(cause).__name__}: {cause}"))
 
     async def _serve(self, handle: RobotHandle) -> None:
@@ -234,7 +232,7 @@ class AdapterRunner:
         """Wait for a run that goes on though it was cancelled: two of them must never have one robot."""
         if self.leftover is None:
             return
-        self._set(
+        self._health.set(
             Health(Level.FAULT, "its adapter does not end; restart the edge, and give it a worker of its own")
         )
         await asyncio.wait({self.leftover})
@@ -242,7 +240,7 @@ class AdapterRunner:
 
     async def _quarantine(self, health: Health) -> None:
         """Leave the robot alone until a person lifts it."""
-        self._set(
+        self._health.set(
             Health(
                 Level.FAULT,
                 f"quarantined after {STRIKES} failures in {STRIKE_WINDOW:g} s, the last: {health.cause}; "
@@ -252,20 +250,12 @@ class AdapterRunner:
         self._lifted.clear()
         await self._lifted.wait()
         self._strikes.clear()
-        self._set(Health(Level.OFFLINE, "starting again"))
+        self._health.set(Health(Level.OFFLINE, "starting again"))
 
     async def _rest(self, seconds: float) -> None:
         """Wait before the next try, or until a person asks for it."""
         with contextlib.suppress(TimeoutError):
             await asyncio.wait_for(self._lifted.wait(), seconds)
-
-    def _strike(self) -> None:
-        """Count a failure."""
-        self._strikes.append(self._clock.monotonic())
-
-    def _struck_out(self) -> bool:
-        """Return True when there were too many failures lately."""
-        return len(self._strikes) == STRIKES and self._strikes[-1] - self._strikes[0] <= STRIKE_WINDOW
 
     def healthy(self, health: Health) -> None:
         """Take the adapter's own word of how the way to the robot is."""
@@ -280,39 +270,8 @@ class AdapterRunner:
         else:
             self.controller.found()
         if health.level in {Level.OK, Level.FAULT}:
-            self._forget_start()
-        self._set(health)
-
-    def _is_up(self) -> None:
-        """End the time of the start; what is still wrong after it is told."""
-        self._coming_up = None
-        self._tell()
-
-    def _forget_start(self) -> None:
-        """End the time of the start early."""
-        if self._coming_up is not None:
-            self._coming_up.cancel()
-            self._coming_up = None
-
-    def _set(self, health: Health) -> None:
-        """Note a health and tell it."""
-        if health != self.health:
-            self.health = health
-            self._tell()
-            self._changed()
-
-    def _tell(self) -> None:
-        """Log the health: the first of a level aloud, what follows on it and the steps of a start quietly."""
-        level, cause = self.health.level, self.health.cause
-        is_new = level is not self._told and self._coming_up is None
-        loud = is_new and level >= Level.DEGRADED
-        if is_new:
-            self._told = level
-        self._log.log(
-            logging.WARNING if loud else logging.INFO, "%s%s", level.word, f": {cause}" * bool(cause)
-        )
-        if is_new:
-            self._level_changed(self.health)
+            self._health.end_start()
+        self._health.set(health)
 
 
 def _cause(error: BaseException) -> BaseException:

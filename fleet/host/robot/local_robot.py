@@ -340,7 +340,7 @@ class LocalRobot:
             self._can.on(self._seen.autopilot, self._seen.vehicle),
             own=self.controller.own,
             limits=self._limits,
-            fence=self.controller.guard.fence,
+            fence=self.controller.guard.fencing.fence,
             refusal=partial(would_refuse, self.controller),
         )
 

@@ -17,19 +17,17 @@ from fleet.host.requests.event_reporter import EventReporter
 from fleet.host.requests.receipt import Receipt
 from fleet.host.robot.adapter_factory import Capabilities
 from fleet.host.robot.battery_watch import BATTERY, BatteryWatch
+from fleet.host.robot.fence_keeper import FenceKeeper
 from fleet.host.robot.robot_place import RobotPlace
 from fleet.host.robot.separation_keeper import SeparationKeeper
 from fleet.host.robot.whereabouts import Whereabouts
 from fleet.host.safety.circles import circled
-from fleet.host.safety.fence import Fence
 from fleet.model.command import Command, Reply
 from fleet.model.event import EventKind
-from fleet.model.geodesy import GeoOrigin, GeoPoint, world_from_geo
-from fleet.model.geometry import ZERO_VELOCITY, Pose, Vector3, Velocity, rotate_to_world
+from fleet.model.geometry import ZERO_VELOCITY, Pose, Vector3, Velocity
 from fleet.model.navigation import AnyTask, FlyMission, FollowRobot, RelativeMove
-from fleet.model.polygon import Polygon
 from fleet.model.report import BatteryReport, FlightControllerReport, PoseReport, Report
-from fleet.robot_config import AdapterConfig, BatteryPolicy, FenceConfig, Limits
+from fleet.robot_config import AdapterConfig, BatteryPolicy, Limits
 
 BEGINNINGS = frozenset({"takeoff", "arm"})
 """Commands that begin a flight: refused outside the fence and with too little battery."""
@@ -84,17 +82,15 @@ class MotionGuard:
         self._policy: BatteryPolicy | None = None
         self._percent: float | None = None
         self._place = RobotPlace(config.origin, clock)
-        self._trouble = ""
+        self.fencing = FenceKeeper(self._place, config.fence, limits)
         self._armed = False
         self._circle = 0.0  # m about its end in which it stays that cannot stand
-        self.fence: Fence | None = None
         self.configure(config, limits)
 
     def configure(self, config: AdapterConfig, limits: Limits) -> None:
         """Keep another fence, other limits and another battery policy from now on, motion included."""
-        self._all, self._config, self._limits = config, config.fence, limits
-        self._unbordered = config.fence is None and limits.distance is None
-        self._unfenced = self._unbordered and limits.altitude is None
+        self._config, self._limits = config, limits
+        self.fencing.configure(config.fence, limits)
         before, self._policy = self._policy, config.battery_policy
         if self._policy is None:
             self._battery = None
@@ -106,7 +102,6 @@ class MotionGuard:
                 free=lambda: not self.taken and self._robot.free,
             )
             self._battery.see(self._percent)
-        self._draw()
         if self.apart is not None:
             self.apart.configure(config, limits)
         self._look()
@@ -128,7 +123,7 @@ class MotionGuard:
                 self._takes_off(armed=report.armed)
                 if report.home != self._place.home:
                     self._place.home = report.home
-                    self._draw()
+                    self._moves_home()
             case _:
                 pass
 
@@ -137,6 +132,12 @@ class MotionGuard:
         self._circle = radius
         if self.apart is not None:
             self.apart.circle = radius
+
+    def _moves_home(self) -> None:
+        """Place the fence, and the robot among others, by its new home."""
+        self.fencing.draw()
+        if self.apart is not None:
+            self.apart.world_is(self._place.world())
 
     def _takes_off(self, *, armed: bool) -> None:
         """Take whether it may be in the air."""
@@ -169,17 +170,12 @@ class MotionGuard:
 
     def _look(self) -> None:
         """Tell once that the robot is where it may not be, and end what leads it out."""
-        pose = self._place.pose
-        if self._unfenced or self.fence is None or pose is None:
-            return
-        before, self._trouble = self._trouble, self.fence.breach(pose.position, self._place.home_point())
-        if self._trouble and not before:
-            told = {"reason": self._trouble}
-            self._event_reporter.event(
-                EventKind.FENCE, f"it is {self._trouble}", telemetry="fence_breached", data=told
-            )
-            self._robot.end(f"fence: it is {self._trouble}")
-        elif self._inside(self.held) != self.held:
+        if self.fencing.look():
+            trouble = f"it is {self.fencing.trouble}"
+            told = {"reason": self.fencing.trouble}
+            self._event_reporter.event(EventKind.FENCE, trouble, telemetry="fence_breached", data=told)
+            self._robot.end(f"fence: {trouble}")
+        elif self.fencing.leads_out(self.held):
             self._robot.end("fence: the velocity leads out of it")
 
     @property
@@ -218,7 +214,7 @@ class MotionGuard:
         if pose is None:
             return "where the robot is, is unknown, so its separation cannot be kept"
         field, sign = CLIMBS[ask.name]
-        metres = ask.data.get(field, getattr(self._all, "takeoff_altitude", 0.0))
+        metres = ask.data.get(field, getattr(self._config, "takeoff_altitude", 0.0))
         if not isinstance(metres, int | float) or not math.isfinite(metres):
             return ""  # the command itself refuses it
         rise = sign * abs(metres) if sign else home.z + metres - pose.position.z
@@ -227,8 +223,8 @@ class MotionGuard:
 
     def _start_trouble(self) -> str | None:
         """Return why nothing may begin whose way is not known, as a flight; None when it may."""
-        if self._trouble:
-            return f"it is {self._trouble}"
+        if self.fencing.trouble:
+            return f"it is {self.fencing.trouble}"
         return (self._battery.start_trouble() or None) if self._battery else None
 
     def task(self, task: AnyTask | None) -> str | None:
@@ -236,7 +232,7 @@ class MotionGuard:
         if isinstance(task, FollowRobot):
             return self.others.trouble(task.robot) or self._start_trouble()
         shares = self.apart is not None and self.apart.is_judged
-        if task is None or (self._battery is None and self._unfenced and not shares):
+        if task is None or (self._battery is None and self.fencing.is_open and not shares):
             return None
         try:
             start, points = self._way(task)
@@ -244,7 +240,7 @@ class MotionGuard:
             return str(error)
         home = self._place.home_point()
         around = circled(task, self._circle)
-        trouble = self.fence.way_trouble(start, points, home, around) if self.fence else ""
+        trouble = self.fencing.fence.way_trouble(start, points, home, around) if self.fencing.fence else ""
         if not trouble and self._battery is not None and isinstance(task, FlyMission):
             trouble = self._battery.start_trouble()
         if not trouble and self._battery is not None:
@@ -256,7 +252,7 @@ class MotionGuard:
 
     def _way(self, task: AnyTask) -> tuple[Vector3, tuple[Vector3, ...]]:
         """Return where a task begins and leads; raises Refused while that, or the fence, is unknown."""
-        if self.fence is None:
+        if self.fencing.fence is None:
             raise Refused("where the fence is, is unknown until the robot tells of its home")
         return self._place.way(task)
 
@@ -277,49 +273,8 @@ class MotionGuard:
 
         Raises Refused while the fence is unknown.
         """
-        velocity = self._inside(velocity)
+        velocity = self.fencing.inside(velocity)
         return velocity if self.apart is None or velocity.is_zero else self.apart.within(velocity)
-
-    def _inside(self, velocity: Velocity) -> Velocity:
-        """Return the part of a body velocity that keeps the fence; raises Refused while that is unknown."""
-        if self._unfenced or (self._unbordered and velocity.linear.z <= 0) or velocity.is_zero:
-            return velocity
-        pose = self._place.fresh()
-        if pose is None or self.fence is None:
-            if self._config is None:
-                return velocity
-            raise Refused("the fence cannot be kept: where the robot is, is unknown")
-        yaw = pose.rotation.yaw
-        wanted = rotate_to_world(velocity.linear, yaw)
-        admitted = self.fence.admitted(pose.position, wanted, self._place.home_point())
-        if admitted == wanted:
-            return velocity
-        return Velocity(rotate_to_world(admitted, -yaw), velocity.yaw_rate)
-
-    def _draw(self) -> None:
-        """Make the fence of what is configured, as soon as its corners can be placed."""
-        config = self._config or FenceConfig()
-        world = self._place.world()
-        if config.frame == "geodetic" and world is None:
-            self.fence = None
-            return
-        self.fence = Fence(
-            tuple(_placed(corners, config, world) for corners in config.inclusion),
-            tuple(_placed(corners, config, world) for corners in config.exclusion),
-            self._limits.altitude,
-            self._limits.distance,
-            config.margin,
-        )
-        if self.apart is not None:
-            self.apart.world_is(world)
-
-
-def _placed(corners: Iterable[tuple[float, float]], config: FenceConfig, world: GeoOrigin | None) -> Polygon:
-    """Return the corners of a polygon in the world."""
-    if config.frame == "world" or world is None:
-        return tuple(corners)
-    points = [world_from_geo(world, GeoPoint(*corner, world.altitude)) for corner in corners]
-    return tuple((point.x, point.y) for point in points)
 
 
 def _length(points: Iterable[Vector3]) -> float:

@@ -116,8 +116,8 @@ def test_the_mission_that_is_flown_is_left_before_another_takes_its_place(fly, s
                     if it.place[0] > 5.0:
                         break
             modes = []
-            upload = it.sim.pilot.missions.count
-            it.sim.pilot.missions.count = lambda *said: modes.append(it.mode) or upload(*said)
+            upload = it.sim.pilot.missions.upload.count
+            it.sim.pilot.missions.upload.count = lambda *said: modes.append(it.mode) or upload(*said)
             await flown(it, SQUARE)
             assert modes == [HOLD[flavour]]
 

@@ -4,7 +4,7 @@ import math
 
 import pytest
 
-from fleet_mavlink.sim.missions import Item
+from fleet_mavlink.sim.mission_items import Item
 
 ACCEPTED, REJECTED, DENIED, UNSUPPORTED, FAILED = 0, 1, 2, 3, 4
 MODES = {"AUTO": 10, "RTL": 11, "LOITER": 12, "TAKEOFF": 13, "GUIDED": 15, "QLOITER": 19, "QLAND": 20}

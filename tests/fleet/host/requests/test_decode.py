@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from fleet.errors import WireError
-from fleet.host.requests.decode import RequestDecoder, is_discrete
+from fleet.host.requests.decode import LARGEST, RequestDecoder, is_discrete, max_wait
 from fleet.host.safety.verb_speeds import VERB_SPEED, VerbSpeeds
 from fleet.model.command import Command, Setpoint, Transport
 from fleet.model.geometry import Vector3, Velocity
@@ -127,3 +127,49 @@ def test_a_refusal_keeps_no_payload_alive_until_the_garbage_collector_looks(kind
 
     refuse_all()
     assert leaves_nothing(refuse_all)
+
+
+@pytest.mark.parametrize(("kind", "stop"), [("command", "emergency_stop"), ("navigate", "stop")])
+def test_a_message_too_large_to_read_stops_where_stops_come(kind, stop):
+    found = decoder().decode(kind, b" " * (LARGEST + 1), way=Transport.CLOUD)
+    assert found.name == stop
+    assert found.flaw == f"{LARGEST + 1} bytes are more than the {LARGEST} that are read"
+
+
+@pytest.mark.parametrize("kind", ["motion", "joints"])
+def test_a_message_too_large_to_read_is_refused_where_no_stop_comes(kind):
+    with pytest.raises(WireError, match="bytes are more than"):
+        decoder().decode(kind, b" " * (LARGEST + 1), way=Transport.CLOUD)
+    with pytest.raises(WireError, match="it came compressed"):
+        decoder().decode(kind, b"{}", way=Transport.CLOUD, unread="it came compressed")
+
+
+def test_an_error_of_the_edges_own_takes_no_stop_away(caplog):
+    broken = decoder()
+    broken._decode = lambda *_, **__: 1 / 0
+    stop = broken.decode("command", b'{"command": "stop"}', way=Transport.CLOUD)
+    assert (stop.name, stop.flaw) == (
+        "stop",
+        "it could not be read (ZeroDivisionError); the edge's log says why",
+    )
+    with pytest.raises(WireError, match="it could not be read"):
+        broken.decode("command", b'{"command": "takeoff"}', way=Transport.CLOUD)
+    assert caplog.text.count("a command message could not be read") == 2
+
+
+@pytest.mark.parametrize(
+    ("kind", "message", "seconds"),
+    [
+        ("command", {"command": "takeoff"}, 7.0),
+        ("command", {"command": "stop"}, float("inf")),
+        ("motion", {"linear": {"x": 1.0}}, 0.4),
+        ("motion", {"linear": {"x": 0.0}}, float("inf")),
+        ("joints", {"target_positions": {"hip": 1.0}}, 0.4),
+        ("navigate", {"command": "pause"}, float("inf")),
+        ("navigate", {"command": "stop"}, float("inf")),
+        ("navigate", {"command": "goto", "position": [1, 2, 3]}, 7.0),
+    ],
+)
+def test_what_stops_a_robot_is_never_too_late(kind, message, seconds):
+    config = AdapterConfig(name="rex", twin=TWIN, max_age=0.4, command_max_age=7.0)
+    assert max_wait(decode(kind, message), config) == seconds

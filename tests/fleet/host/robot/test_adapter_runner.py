@@ -522,7 +522,7 @@ async def test_the_steps_of_a_start_are_no_warnings(stage, asks, caplog):
 
 
 async def test_a_robot_that_does_not_come_up_is_told_aloud(stage, asks, caplog, monkeypatch):
-    monkeypatch.setattr("fleet.host.robot.adapter_runner.COMING_UP", 0.05)
+    monkeypatch.setattr("fleet.host.robot.run_health.COMING_UP", 0.05)
 
     async def run(robot):
         robot.health(Health(Level.OFFLINE, "it has not spoken yet"))

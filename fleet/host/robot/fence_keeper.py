@@ -1,0 +1,90 @@
+"""Keeps one robot in its fence: draws it where its corners can be placed, and judges what the robot does.
+
+The configuration says where the fence is; home and the origin of the world say where that is for this robot.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+from fleet.errors import Refused
+from fleet.host.robot.robot_place import RobotPlace
+from fleet.host.safety.fence import Fence
+from fleet.model.geodesy import GeoOrigin, GeoPoint, world_from_geo
+from fleet.model.geometry import Velocity, rotate_to_world
+from fleet.model.polygon import Polygon
+from fleet.robot_config import FenceConfig, Limits
+
+
+class FenceKeeper:
+    """The ``fence`` of one robot, None while its corners cannot be placed.
+
+    ``trouble`` says where the robot is that it may not be; empty while it is nowhere such.
+    """
+
+    def __init__(self, place: RobotPlace, config: FenceConfig | None, limits: Limits) -> None:
+        self._place = place
+        self.fence: Fence | None = None
+        self.trouble = ""
+        self.configure(config, limits)
+
+    def configure(self, config: FenceConfig | None, limits: Limits) -> None:
+        """Keep another fence, and other limits, from now on."""
+        self._config, self._limits = config, limits
+        self._has_no_border = config is None and limits.distance is None
+        self.is_open = self._has_no_border and limits.altitude is None
+        if self.is_open:
+            self.trouble = ""  # nothing judges the robot from now on, so nothing would end it
+        self.draw()
+
+    def draw(self) -> None:
+        """Make the fence of what is configured, as soon as its corners can be placed."""
+        config = self._config or FenceConfig()
+        world = self._place.world()
+        if config.frame == "geodetic" and world is None:
+            self.fence = None
+            return
+        self.fence = Fence(
+            tuple(_placed(corners, config, world) for corners in config.inclusion),
+            tuple(_placed(corners, config, world) for corners in config.exclusion),
+            self._limits.altitude,
+            self._limits.distance,
+            config.margin,
+        )
+
+    def look(self) -> bool:
+        """Judge where the robot is; return True when it has broken the fence only now."""
+        pose = self._place.pose
+        if self.is_open or self.fence is None or pose is None:
+            return False
+        before, self.trouble = self.trouble, self.fence.breach(pose.position, self._place.home_point())
+        return bool(self.trouble) and not before
+
+    def leads_out(self, velocity: Velocity) -> bool:
+        """Return whether a body velocity leads a robot out of the fence, where both are known."""
+        known = self.fence is not None and self._place.pose is not None
+        return known and self.inside(velocity) != velocity
+
+    def inside(self, velocity: Velocity) -> Velocity:
+        """Return the part of a body velocity that keeps the fence; raises Refused while that is unknown."""
+        if self.is_open or (self._has_no_border and velocity.linear.z <= 0) or velocity.is_zero:
+            return velocity
+        pose = self._place.fresh()
+        if pose is None or self.fence is None:
+            if self._config is None:
+                return velocity
+            raise Refused("the fence cannot be kept: where the robot is, is unknown")
+        yaw = pose.rotation.yaw
+        wanted = rotate_to_world(velocity.linear, yaw)
+        admitted = self.fence.admitted(pose.position, wanted, self._place.home_point())
+        if admitted == wanted:
+            return velocity
+        return Velocity(rotate_to_world(admitted, -yaw), velocity.yaw_rate)
+
+
+def _placed(corners: Iterable[tuple[float, float]], config: FenceConfig, world: GeoOrigin | None) -> Polygon:
+    """Return the corners of a polygon in the world."""
+    if config.frame == "world" or world is None:
+        return tuple(corners)
+    points = [world_from_geo(world, GeoPoint(*corner, world.altitude)) for corner in corners]
+    return tuple((point.x, point.y) for point in points)
