@@ -24,7 +24,7 @@ from fleet.config.problems import InvalidConfig
 from fleet.errors import FleetError, StateError
 from fleet.host.edge.changes_elsewhere import ChangesElsewhere, ended, waits
 from fleet.host.edge.last_configuration import keep
-from fleet.host.edge.member_rules import groups_hindrance, name_before, unfit
+from fleet.host.edge.member_rules import groups_hindrance, unfit
 from fleet.host.edge.membership import Followers, Membership
 from fleet.host.edge.shown_configuration import shown_configuration
 from fleet.host.edge.stops_meanwhile import StopsMeanwhile
@@ -52,7 +52,7 @@ from fleet.runtime.decoding import decode_json
 log = logging.getLogger(__name__)
 
 LIVE = frozenset({ChangeKind.SETTINGS, ChangeKind.REBUILT})
-MEMBERS = frozenset({ChangeKind.ADDED, ChangeKind.REMOVED, ChangeKind.RENAMED})
+MEMBERS = frozenset({ChangeKind.ADDED, ChangeKind.REMOVED})
 LOOSER = "it was rebuilt; what is looser waits until it rests: {}"
 BEFORE = "it has its configuration of before"
 
@@ -149,8 +149,8 @@ class Changes:
             planned = (
                 msgspec.structs.replace(each, why=each.why or self._hindrance(each, new)) for each in found
             )
-            return ChangesAnswer(_told(planned, asked), file, warnings=tuple(map(str, new.warnings)))
-        changes = _told(await self._apply(found, new, asked), asked)
+            return ChangesAnswer(tuple(planned), file, warnings=tuple(map(str, new.warnings)))
+        changes = await self._apply(found, new, asked)
         await self._keep()
         return ChangesAnswer(changes, file)
 
@@ -171,13 +171,13 @@ class Changes:
         return self._workers.hindrance(self._remote[change.name].worker)
 
     def _member_hindrance(self, change: Change, new: Loaded, *, force: bool) -> str:
-        """Return why a robot cannot be added, taken out or renamed now; empty when it can."""
-        before = name_before(change, self._running, new)
-        why = unfit(self._running, new, change.name if before != change.name else "", before)
-        if why or not before or force:
+        """Return why a robot cannot be added or taken out now; empty when it can."""
+        name, added = change.name, change.kind is ChangeKind.ADDED
+        why = unfit(self._running, new.config, name if added else "")
+        if why or added or force:
             return why
-        runs = ", ".join(self._followers.runs_with(before))
-        return self._membership.hindrance(before) or (runs and f"{before} is in run {runs}")
+        runs = ", ".join(self._followers.runs_with(name))
+        return self._membership.hindrance(name) or (runs and f"{name} is in run {runs}")
 
     # -- doing it --------------------------------------------------------------------------------------
 
@@ -208,33 +208,29 @@ class Changes:
             if after is not self._running:
                 self._running = after
                 self._tell()
-        missing = [each.name for each in done if each.kind in MEMBERS and each.outcome is not Outcome.DONE]
+        missing = sorted(_names_of(new) ^ _names_of(self._running))
         done += await self._take_sections(sections, new, missing)
         for change in done:
             _record(self._process, change, asked)
         return tuple(done)
 
     async def _member(self, change: Change, new: Loaded, asked: ChangesAsked) -> Change:
-        """Add a robot, take it out, or have it go on under a new name."""
+        """Add a robot, or take it out."""
         if why := self._member_hindrance(change, new, force=asked.force):
             return ended(change, Outcome.REFUSED, why)
-        name, before = change.name, name_before(change, self._running, new)
+        name, added = change.name, change.kind is ChangeKind.ADDED
         try:
-            if change.kind is ChangeKind.ADDED:
+            if added:
                 trouble = await self._membership.add(name, self._running, new)
-            elif change.kind is ChangeKind.REMOVED:
-                trouble = await self._membership.remove(name, self._running, force=asked.force)
             else:
-                trouble = await self._membership.rename(before, name, self._running, new, force=asked.force)
+                trouble = await self._membership.remove(name, self._running, force=asked.force)
         except Exception as error:
             log.exception("the change of %s failed", name)
             trouble = f"{type(error).__name__}: {error}"
         if trouble:
             return ended(change, Outcome.FAILED, trouble)
-        if before:
-            self._running = without_robot(self._running, before)
-        if change.kind is not ChangeKind.REMOVED:
-            self._running = with_robot(self._running, new, name)
+        running = self._running
+        self._running = with_robot(running, new, name) if added else without_robot(running, name)
         self._tell()
         return ended(change, Outcome.DONE)
 
@@ -352,6 +348,11 @@ def own_config(robot: LocalRobot, loaded: Loaded) -> AdapterConfig:
     return checked(robot.plugin.Config, given, {"folder": loaded.folder})
 
 
+def _names_of(loaded: Loaded) -> set[str]:
+    """Return the names of the robots."""
+    return {robot.name for robot, _ in loaded.robots}
+
+
 def _config_of(loaded: Loaded, name: str) -> AdapterConfig:
     """Return the configuration of a robot."""
     return next(robot for robot, _ in loaded.robots if robot.name == name)
@@ -362,18 +363,6 @@ def _left(change: Change) -> Change:
     if change.kind is ChangeKind.UNTOUCHED:
         return change
     return ended(change, Outcome.REFUSED, f"{change.why}: end fleet run and start it again")
-
-
-def _told(changes: Iterable[Change], asked: ChangesAsked) -> tuple[Change, ...]:
-    """Return changes in the words of the format that is asked in."""
-    if asked.format > 1:
-        return tuple(changes)
-    return tuple(
-        msgspec.structs.replace(change, kind=ChangeKind.ADDED)
-        if change.kind is ChangeKind.RENAMED
-        else change
-        for change in changes
-    )
 
 
 def _answer(question: Query, answer: ChangesAnswer) -> None:

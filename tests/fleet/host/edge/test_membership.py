@@ -1,4 +1,4 @@
-"""Robots are added to a running edge, taken out of it and renamed; the others never notice."""
+"""Robots are added to a running edge and taken out of it; the others never notice."""
 
 import asyncio
 import json
@@ -14,7 +14,7 @@ from fleet.host.edge.member_rules import groups_hindrance
 from fleet.host.process.robot_process import RobotProcess
 from fleet.host.requests.stop_cause import local_cause
 from fleet.model.change import ChangeKind, Outcome
-from tests.fleet.host.edge.test_changes import GOTO, HERE, MISSION, RELEASE, Field, moves, running
+from tests.fleet.host.edge.test_changes import GOTO, HERE, MISSION, Field, moves, running
 
 STOP_REX = b'["rex"]'
 
@@ -41,8 +41,8 @@ class Yard(Field):
     def remove(self, name):
         self.put([robot for robot in self.robots if robot["name"] != name])
 
-    def rename(self, name, to, **fields):
-        self.put([robot | ({"name": to} | fields if robot["name"] == name else {}) for robot in self.robots])
+    def rename(self, name, to):
+        self.put([robot | ({"name": to} if robot["name"] == name else {}) for robot in self.robots])
 
     async def stop(self, names=b""):
         self.bus_session.put(keys.stop(self.place.id), names, urgent=True)
@@ -161,35 +161,22 @@ def _start(place):
         return fleet.start("go").id
 
 
-async def test_a_robot_goes_on_under_another_name_with_its_stop(yard_of_two):
+async def test_a_robot_with_a_new_name_waits_for_the_next_start_and_so_do_groups_that_name_it(yard_of_two):
     field = yard_of_two
-    await field.stop(STOP_REX)
-    await field.until(lambda: field.state("rex").emergency_stop)
-    twin = field.edge.process.robots["rex"].twin
+    field.place.change(groups={"crew": ["rex", "max"]})
+    await field.apply()
     field.rename("rex", "ada")
-    done = (await field.apply())["ada"]
-    assert (done.kind, done.outcome) == (ChangeKind.RENAMED, Outcome.DONE)
-    assert done.fields == ("name: rex -> ada",)
-    assert sorted(field.names()) == ["ada", "max"]
-    assert field.edge.process.robots["ada"].twin == twin
-    await field.until(lambda: field.state("ada").health == "ok")
-    assert field.state("ada").emergency_stop
-    assert (await field.say("ada", RELEASE)).ok
-    assert (await field.say("ada", {"command": "walk"})).ok
-    assert field.place.words("max") == ["run"]
-
-
-async def test_a_robot_that_does_not_answer_under_its_new_name_has_the_old_one_again(
-    yard_of_two, monkeypatch
-):
-    field = yard_of_two
-    monkeypatch.setattr(membership, "BACK_WITHIN", 0.5)
-    field.rename("rex", "ada", journal=str(field.place.file.parent / "nowhere" / "journal"))
-    done = (await field.apply())["ada"]
-    assert (done.outcome, "did not answer" in done.why) == (Outcome.FAILED, True)
-    assert sorted(field.names()) == ["max", "rex"]
-    await field.until(lambda: field.state("rex").health == "ok")
-    assert (await field.say("rex", {"command": "walk"})).ok
+    field.add("eva")
+    field.place.change(groups={"crew": ["ada", "max"]})
+    done = await field.apply()
+    assert (done["ada"].kind, done["ada"].outcome) == (ChangeKind.RESTART, Outcome.REFUSED)
+    assert done["ada"].fields == ("name: rex -> ada",)
+    assert done["eva"].outcome is Outcome.DONE
+    assert (done["groups"].outcome, "ada, rex" in done["groups"].why) == (Outcome.REFUSED, True)
+    assert sorted(field.names()) == ["eva", "max", "rex"]
+    assert field.place.words("rex") == ["run"]
+    await field.stop(b'["crew"]')
+    await field.until(lambda: field.state("rex").emergency_stop)
 
 
 async def test_a_stop_survives_that_a_robot_is_taken_out_and_added_again(yard_of_two):
@@ -265,7 +252,7 @@ def test_groups_that_a_stop_input_names_wait_for_the_next_start():
     assert "stop input wall names one" in groups_hindrance(config("rex"), config("rex", "max"))
 
 
-async def test_a_robot_in_a_process_of_its_own_comes_goes_and_is_renamed_with_it(yard_of_two):
+async def test_a_robot_in_a_process_of_its_own_comes_and_goes_with_it(yard_of_two):
     field = yard_of_two
     field.add("arm", worker="limbs")
     done = await field.apply()
@@ -275,14 +262,8 @@ async def test_a_robot_in_a_process_of_its_own_comes_goes_and_is_renamed_with_it
     (process,) = set(field.place.processes("arm"))
     await field.stop(b'["arm"]')
     await field.until(lambda: field.state("arm").emergency_stop)
-    field.rename("arm", "leg", worker="limb")
-    done = (await field.apply())["leg"]
-    assert (done.kind, done.outcome) == (ChangeKind.RENAMED, Outcome.DONE), done.why
-    await field.until(lambda: field.state("leg").health == "ok" and field.state("leg").emergency_stop)
-    assert not psutil.pid_exists(process)
-    (process,) = set(field.place.processes("leg"))
-    field.remove("leg")
-    assert (await field.apply())["leg"].outcome is Outcome.DONE
+    field.remove("arm")
+    assert (await field.apply())["arm"].outcome is Outcome.DONE
     assert sorted(field.names()) == ["max", "rex"]
     assert field.edge._workers.managers == {}
     assert not psutil.pid_exists(process)
