@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
-
 from fleet.config.load import Loaded
 from fleet.config.schema import FleetConfig
 from fleet.host.process.component_settings import worker_of
@@ -35,17 +33,14 @@ def _unfit_to_add(config: FleetConfig, new: FleetConfig, added: str) -> str:
         return f"{owner[0]} has its twin as long as the edge runs: {AGAIN}"
     if config.bus.access and "edge" in config.bus.access.values():
         return f"the access rules of the bus name its twin: {AGAIN}"
-    if _stopped_by(new, added) != _stopped_by(config, added, new.members):
+    if _stopped_by(new, added) != _stopped_by(config, added):
         return f"a stop input that it needs is opened at the start: {AGAIN}"
     return ""
 
 
-def _stopped_by(
-    config: FleetConfig, robot: str, groups: Mapping[str, Iterable[str]] | None = None
-) -> set[str]:
+def _stopped_by(config: FleetConfig, robot: str) -> set[str]:
     """Return the stop inputs that stop a robot."""
-    members = groups if groups is not None else config.members
-    return {one.name for one in config.stop_inputs if robots_of([one], members, [robot])}
+    return {one.name for one in config.stop_inputs if robots_of([one], config.members, [robot])}
 
 
 def runs_in(loaded: Loaded, name: str) -> str:

@@ -3,14 +3,12 @@
 import asyncio
 import json
 import uuid
-from types import SimpleNamespace
 
 import psutil
 import pytest
 
 from fleet.bus import keys
 from fleet.host.edge import membership
-from fleet.host.edge.member_rules import groups_hindrance
 from fleet.host.process.robot_process import RobotProcess
 from fleet.host.requests.stop_cause import local_cause
 from fleet.model.change import ChangeKind, Outcome
@@ -239,17 +237,6 @@ async def test_a_robot_that_is_driven_goes_on_while_others_come_and_go(yard_of_t
     assert field.place.words("max") == ["run", "navigate"]
     assert field.edge.process.robots["max"].controller.in_motion
     assert (await field.say("max", GOTO | {"action_id": "a2"}, "navigate")).ok
-
-
-def test_groups_that_a_stop_input_names_wait_for_the_next_start():
-    """It knows the latches that it holds from its start: a robot that joins would move without it."""
-
-    def config(*crew):
-        wall = SimpleNamespace(name="wall", robots=("crew",))
-        return SimpleNamespace(members={"crew": crew, "others": crew}, stop_inputs=(wall,))
-
-    assert groups_hindrance(config("rex"), config("rex")) == ""
-    assert "stop input wall names one" in groups_hindrance(config("rex"), config("rex", "max"))
 
 
 async def test_a_robot_in_a_process_of_its_own_comes_and_goes_with_it(yard_of_two):
