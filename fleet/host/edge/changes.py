@@ -31,6 +31,7 @@ from fleet.host.edge.stops_meanwhile import StopsMeanwhile
 from fleet.host.edge.worker_members import WorkerMembership
 from fleet.host.process.rebuild import hold, rebuild, take_over
 from fleet.host.process.robot_process import RobotProcess
+from fleet.host.process.stop_service import merged_groups, replace_groups
 from fleet.host.robot.local_robot import LocalRobot
 from fleet.host.robot.rest import moving, not_resting
 from fleet.host.safety.stricter import held_back, holds_alike
@@ -61,7 +62,7 @@ class Changes:
     """What one edge runs with, and its changes; on the loop.
 
     ``configured`` hear what the edge runs with after each change. ``hindrance`` says why a section cannot be
-    taken over now.
+    taken over now. ``groups`` are those that stops go by, from any thread.
     """
 
     def __init__(
@@ -76,6 +77,7 @@ class Changes:
         hindrance: Callable[[str], str],
         followers: Followers,
         members: WorkerMembership,
+        groups: dict[str, list[str]],
     ) -> None:
         self._running = loaded
         self._process, self._remote, self._workers = process, remote, workers
@@ -83,7 +85,8 @@ class Changes:
         self._section_hindrance = hindrance
         self._meanwhile = StopsMeanwhile(process)
         self._membership = Membership(process, followers, self._meanwhile, members)
-        self._followers = followers
+        self._followers, self._groups = followers, groups
+        self._wider: Mapping[str, Iterable[str]] = {}  # groups of a file that are not taken over
         self._elsewhere = ChangesElsewhere(workers, remote)
         self._clock: Clock = process.clock
         self._under_way: asyncio.Task[None] | None = None
@@ -183,7 +186,17 @@ class Changes:
 
     async def _apply(self, found: Iterable[Change], new: Loaded, asked: ChangesAsked) -> tuple[Change, ...]:
         """Carry the changes out, one robot or worker after the other."""
-        self._meanwhile.begin({**self._running.config.members, **new.config.members})
+        await self._widen(new.config.members)
+        self._meanwhile.begin(self._groups)
+        try:
+            return await self._carried_out(found, new, asked)
+        finally:
+            self._meanwhile.end()
+
+    async def _carried_out(
+        self, found: Iterable[Change], new: Loaded, asked: ChangesAsked
+    ) -> tuple[Change, ...]:
+        """Carry the changes out, and write them down."""
         found = sorted(found, key=lambda change: change.kind is not ChangeKind.REMOVED)  # twins become free
         done: list[Change] = []
         sections: list[Change] = []
@@ -242,12 +255,13 @@ class Changes:
         why = "; ".join(filter(None, (self._hindrance(change, new) for change in changes)))
         regroups = any(change.name == "groups" for change in changes)
         if regroups and not why and (why := await self._workers.regroup(new.config.members)):
-            await self._workers.regroup(self._running.config.members)
+            await self._workers.regroup(self._groups)
         if why:
             return [ended(change, Outcome.REFUSED, why) for change in changes]
         if changes:
             taken = {change.name: getattr(new.config, change.name) for change in changes}
             config = self._running.config.model_copy(update=taken)
+            self._wider = {} if regroups else self._wider
             missions = new.missions if "missions" in taken else self._running.missions
             self._running = msgspec.structs.replace(self._running, config=config, missions=missions)
             self._tell()
@@ -313,6 +327,18 @@ class Changes:
         """Tell what the edge runs with now."""
         for configured in self._configured:
             configured(self._running)
+        replace_groups(self._groups, merged_groups(self._running.config.members, self._wider))
+
+    async def _widen(self, wider: Mapping[str, Iterable[str]]) -> None:
+        """Have stops of groups reach all that a new file has in them too, until it is taken over."""
+        members = self._running.config.members
+        self._wider = wider if wider != members else {}
+        groups = merged_groups(members, self._wider)
+        if groups == self._groups:
+            return
+        replace_groups(self._groups, groups)
+        if silent := await self._workers.regroup(groups):
+            log.warning("%s: stops of its new groups reach it by the edge", silent)
 
     async def _keep(self) -> None:
         """Write what the edge runs with to its disk; a disk that does not take it stops nothing."""

@@ -10,6 +10,7 @@ import pytest
 from fleet.bus import keys
 from fleet.host.edge import membership
 from fleet.host.process.robot_process import RobotProcess
+from fleet.host.process.stop_service import names_in, stop_everywhere
 from fleet.host.requests.stop_cause import local_cause
 from fleet.model.change import ChangeKind, Outcome
 from tests.fleet.host.edge.test_changes import GOTO, HERE, MISSION, Field, moves, running
@@ -204,6 +205,63 @@ async def test_a_stop_while_a_robot_is_built_reaches_it(yard_of_two, monkeypatch
     field.place.change(groups={"all-of-them": ["rex", "ada"]})
     assert (await field.apply())["ada"].outcome is Outcome.DONE
     assert field.state("ada").emergency_stop
+
+
+@pytest.mark.parametrize("place", [{}, {"worker": "limbs"}])
+async def test_a_stop_of_a_group_reaches_the_robots_that_a_change_has_added_to_it(
+    yard_of_two, monkeypatch, place
+):
+    """The groups themselves are taken over last, since they name the robots."""
+    field, spec_of = yard_of_two, membership._spec_of
+    field.place.change(groups={"crew": ["rex"]})
+    await field.apply()
+    field.add("ada", **place)
+    field.add("eva")
+    field.place.change(groups={"crew": ["max", "ada", "eva"]})
+
+    def stopped_meanwhile(loaded, name):
+        if name == "eva":
+            stop_everywhere(
+                field.edge.process,
+                field.edge.remote.values(),
+                names_in(b'["crew"]', field.edge._groups),
+                local_cause("", "test"),
+            )
+        return spec_of(loaded, name)
+
+    monkeypatch.setattr(membership, "_spec_of", stopped_meanwhile)
+    assert {change.outcome for change in (await field.apply()).values() if change.name != "rex"} >= {
+        Outcome.DONE
+    }
+    for name in ("rex", "max", "ada", "eva"):
+        await field.until(lambda name=name: field.state(name).emergency_stop)
+    assert field.edge._groups == {"crew": ["max", "ada", "eva"]}
+
+
+async def test_a_stop_of_a_group_that_cannot_be_taken_over_reaches_its_old_and_its_new_robots(
+    yard_of_two, monkeypatch
+):
+    field = yard_of_two
+    field.place.change(groups={"crew": ["rex"]})
+    await field.apply()
+    made = RobotProcess._make
+
+    def fails(process, spec, journal=None):
+        if spec.config.name == "eva":
+            raise RuntimeError("no such arm")
+        return made(process, spec, journal)
+
+    monkeypatch.setattr(RobotProcess, "_make", fails)
+    field.add("ada")
+    field.add("eva")
+    field.place.change(groups={"crew": ["ada", "eva"]})
+    done = await field.apply()
+    assert (done["ada"].outcome, done["groups"].outcome) == (Outcome.DONE, Outcome.REFUSED)
+    assert field.edge._groups == {"crew": ["rex", "ada", "eva"]}
+    field.remove("eva")
+    field.place.change(groups={"crew": ["rex"]})
+    await field.apply()
+    assert field.edge._groups == {"crew": ["rex"]}
 
 
 async def test_a_stop_while_a_robot_is_taken_out_is_set_when_it_is_back(yard_of_two, monkeypatch):
