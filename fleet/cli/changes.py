@@ -37,7 +37,7 @@ file_argument = click.argument("file", default="fleet.yaml", type=click.Path())
 def diff(out: Output, file: str) -> ExitCode:
     """Show what FILE (fleet.yaml when left out) would change in the edge that runs with it.
 
-    Each robot on one line: rebuilt, settings only, added, removed, renamed, untouched; what needs a restart,
+    Each robot on one line: rebuilt, settings only, added, removed, untouched; what needs a restart,
     and what would be refused now, with the reason. Secrets are masked. An edge that does not run is compared
     with what it last ran with. Exit code 0: the same, 7: different.
     """

@@ -64,6 +64,7 @@ SETTINGS = frozenset({"accepts", "battery_policy", "fence", "limits", "separatio
 """Fields of a robot that its host takes over while the adapter goes on: stricter at once, looser at rest."""
 
 FIELDS: Mapping[str, str] = {
+    "name": "its stop, its leases and all that is asked of it go by the name",
     "twin": "other edges know it by the claim on its twin",
     "worker": "it moves to another process",
     "adapter": "another kind of robot has other commands",
@@ -190,7 +191,7 @@ def difference(old: Outline, new: Outline, shown: Callable[[str, str], str]) -> 
 
 
 def _new_names(old: Outline, new: Outline) -> dict[str, str]:
-    """Return the robots that go on under a new name: new to old; a name of both files goes on itself."""
+    """Return the robots that have another name: new to old; a name of both files stays."""
     return {
         name: was
         for name, was in renamed(old, new).items()
@@ -224,8 +225,8 @@ def _robot_change(
 def _renamed(
     name: str, old: Mapping[str, str], new: Mapping[str, str], shown: Callable[[str, str], str]
 ) -> Change:
-    """Return what becomes of a robot that goes on under another name, whatever else differs."""
-    return Change(name, ChangeKind.RENAMED, _fields(old, new, shown))
+    """Return what becomes of a robot that has another name, whatever else differs."""
+    return Change(name, ChangeKind.RESTART, _fields(old, new, shown), f"name: {FIELDS['name']}")
 
 
 def _judged(fields: AbstractSet[str], navigates: bool) -> tuple[ChangeKind, str]:  # noqa: FBT001 - by position

@@ -7,11 +7,8 @@ from typing import Literal
 
 import msgspec
 
-FORMAT = 2
-"""The format of these messages; whoever is asked in a newer one says so and does nothing.
-
-2: ``renamed``; who asks in format 1 is told of a robot that was added.
-"""
+FORMAT = 1
+"""The format of these messages; whoever is asked in a newer one says so and does nothing."""
 
 
 class ChangeKind(StrEnum):
@@ -19,7 +16,6 @@ class ChangeKind(StrEnum):
 
     ADDED = "added"
     REMOVED = "removed"
-    RENAMED = "renamed"  # taken out under one name and added under another, with its emergency stop
     REBUILT = "rebuilt"  # its adapter is ended and started again with the new configuration
     SETTINGS = "settings only"  # taken over while the adapter goes on
     RESTART = "restart"  # only the next start of the edge takes it

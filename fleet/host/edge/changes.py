@@ -24,13 +24,14 @@ from fleet.config.problems import InvalidConfig
 from fleet.errors import FleetError, StateError
 from fleet.host.edge.changes_elsewhere import ChangesElsewhere, ended, waits
 from fleet.host.edge.last_configuration import keep
-from fleet.host.edge.member_rules import groups_hindrance, name_before, unfit
+from fleet.host.edge.member_rules import groups_hindrance, unfit
 from fleet.host.edge.membership import Followers, Membership
 from fleet.host.edge.shown_configuration import shown_configuration
 from fleet.host.edge.stops_meanwhile import StopsMeanwhile
 from fleet.host.edge.worker_members import WorkerMembership
 from fleet.host.process.rebuild import hold, rebuild, take_over
 from fleet.host.process.robot_process import RobotProcess
+from fleet.host.process.stop_service import merged_groups, replace_groups
 from fleet.host.robot.local_robot import LocalRobot
 from fleet.host.robot.rest import moving, not_resting
 from fleet.host.safety.stricter import held_back, holds_alike
@@ -52,7 +53,7 @@ from fleet.runtime.decoding import decode_json
 log = logging.getLogger(__name__)
 
 LIVE = frozenset({ChangeKind.SETTINGS, ChangeKind.REBUILT})
-MEMBERS = frozenset({ChangeKind.ADDED, ChangeKind.REMOVED, ChangeKind.RENAMED})
+MEMBERS = frozenset({ChangeKind.ADDED, ChangeKind.REMOVED})
 LOOSER = "it was rebuilt; what is looser waits until it rests: {}"
 BEFORE = "it has its configuration of before"
 
@@ -61,7 +62,7 @@ class Changes:
     """What one edge runs with, and its changes; on the loop.
 
     ``configured`` hear what the edge runs with after each change. ``hindrance`` says why a section cannot be
-    taken over now.
+    taken over now. ``groups`` are those that stops go by, from any thread.
     """
 
     def __init__(
@@ -76,6 +77,7 @@ class Changes:
         hindrance: Callable[[str], str],
         followers: Followers,
         members: WorkerMembership,
+        groups: dict[str, list[str]],
     ) -> None:
         self._running = loaded
         self._process, self._remote, self._workers = process, remote, workers
@@ -83,7 +85,8 @@ class Changes:
         self._section_hindrance = hindrance
         self._meanwhile = StopsMeanwhile(process)
         self._membership = Membership(process, followers, self._meanwhile, members)
-        self._followers = followers
+        self._followers, self._groups = followers, groups
+        self._wider: Mapping[str, Iterable[str]] = {}  # groups of a file that are not taken over
         self._elsewhere = ChangesElsewhere(workers, remote)
         self._clock: Clock = process.clock
         self._under_way: asyncio.Task[None] | None = None
@@ -149,8 +152,8 @@ class Changes:
             planned = (
                 msgspec.structs.replace(each, why=each.why or self._hindrance(each, new)) for each in found
             )
-            return ChangesAnswer(_told(planned, asked), file, warnings=tuple(map(str, new.warnings)))
-        changes = _told(await self._apply(found, new, asked), asked)
+            return ChangesAnswer(tuple(planned), file, warnings=tuple(map(str, new.warnings)))
+        changes = await self._apply(found, new, asked)
         await self._keep()
         return ChangesAnswer(changes, file)
 
@@ -171,19 +174,29 @@ class Changes:
         return self._workers.hindrance(self._remote[change.name].worker)
 
     def _member_hindrance(self, change: Change, new: Loaded, *, force: bool) -> str:
-        """Return why a robot cannot be added, taken out or renamed now; empty when it can."""
-        before = name_before(change, self._running, new)
-        why = unfit(self._running, new, change.name if before != change.name else "", before)
-        if why or not before or force:
+        """Return why a robot cannot be added or taken out now; empty when it can."""
+        name, added = change.name, change.kind is ChangeKind.ADDED
+        why = unfit(self._running, new.config, name if added else "")
+        if why or added or force:
             return why
-        runs = ", ".join(self._followers.runs_with(before))
-        return self._membership.hindrance(before) or (runs and f"{before} is in run {runs}")
+        runs = ", ".join(self._followers.runs_with(name))
+        return self._membership.hindrance(name) or (runs and f"{name} is in run {runs}")
 
     # -- doing it --------------------------------------------------------------------------------------
 
     async def _apply(self, found: Iterable[Change], new: Loaded, asked: ChangesAsked) -> tuple[Change, ...]:
         """Carry the changes out, one robot or worker after the other."""
-        self._meanwhile.begin({**self._running.config.members, **new.config.members})
+        await self._widen(new.config.members)
+        self._meanwhile.begin(self._groups)
+        try:
+            return await self._carried_out(found, new, asked)
+        finally:
+            self._meanwhile.end()
+
+    async def _carried_out(
+        self, found: Iterable[Change], new: Loaded, asked: ChangesAsked
+    ) -> tuple[Change, ...]:
+        """Carry the changes out, and write them down."""
         found = sorted(found, key=lambda change: change.kind is not ChangeKind.REMOVED)  # twins become free
         done: list[Change] = []
         sections: list[Change] = []
@@ -208,33 +221,29 @@ class Changes:
             if after is not self._running:
                 self._running = after
                 self._tell()
-        missing = [each.name for each in done if each.kind in MEMBERS and each.outcome is not Outcome.DONE]
+        missing = sorted(_names_of(new) ^ _names_of(self._running))
         done += await self._take_sections(sections, new, missing)
         for change in done:
             _record(self._process, change, asked)
         return tuple(done)
 
     async def _member(self, change: Change, new: Loaded, asked: ChangesAsked) -> Change:
-        """Add a robot, take it out, or have it go on under a new name."""
+        """Add a robot, or take it out."""
         if why := self._member_hindrance(change, new, force=asked.force):
             return ended(change, Outcome.REFUSED, why)
-        name, before = change.name, name_before(change, self._running, new)
+        name, added = change.name, change.kind is ChangeKind.ADDED
         try:
-            if change.kind is ChangeKind.ADDED:
+            if added:
                 trouble = await self._membership.add(name, self._running, new)
-            elif change.kind is ChangeKind.REMOVED:
-                trouble = await self._membership.remove(name, self._running, force=asked.force)
             else:
-                trouble = await self._membership.rename(before, name, self._running, new, force=asked.force)
+                trouble = await self._membership.remove(name, self._running, force=asked.force)
         except Exception as error:
             log.exception("the change of %s failed", name)
             trouble = f"{type(error).__name__}: {error}"
         if trouble:
             return ended(change, Outcome.FAILED, trouble)
-        if before:
-            self._running = without_robot(self._running, before)
-        if change.kind is not ChangeKind.REMOVED:
-            self._running = with_robot(self._running, new, name)
+        running = self._running
+        self._running = with_robot(running, new, name) if added else without_robot(running, name)
         self._tell()
         return ended(change, Outcome.DONE)
 
@@ -246,12 +255,13 @@ class Changes:
         why = "; ".join(filter(None, (self._hindrance(change, new) for change in changes)))
         regroups = any(change.name == "groups" for change in changes)
         if regroups and not why and (why := await self._workers.regroup(new.config.members)):
-            await self._workers.regroup(self._running.config.members)
+            await self._workers.regroup(self._groups)
         if why:
             return [ended(change, Outcome.REFUSED, why) for change in changes]
         if changes:
             taken = {change.name: getattr(new.config, change.name) for change in changes}
             config = self._running.config.model_copy(update=taken)
+            self._wider = {} if regroups else self._wider
             missions = new.missions if "missions" in taken else self._running.missions
             self._running = msgspec.structs.replace(self._running, config=config, missions=missions)
             self._tell()
@@ -317,6 +327,18 @@ class Changes:
         """Tell what the edge runs with now."""
         for configured in self._configured:
             configured(self._running)
+        replace_groups(self._groups, merged_groups(self._running.config.members, self._wider))
+
+    async def _widen(self, wider: Mapping[str, Iterable[str]]) -> None:
+        """Have stops of groups reach all that a new file has in them too, until it is taken over."""
+        members = self._running.config.members
+        self._wider = wider if wider != members else {}
+        groups = merged_groups(members, self._wider)
+        if groups == self._groups:
+            return
+        replace_groups(self._groups, groups)
+        if silent := await self._workers.regroup(groups):
+            log.warning("%s: stops of its new groups reach it by the edge", silent)
 
     async def _keep(self) -> None:
         """Write what the edge runs with to its disk; a disk that does not take it stops nothing."""
@@ -352,6 +374,11 @@ def own_config(robot: LocalRobot, loaded: Loaded) -> AdapterConfig:
     return checked(robot.plugin.Config, given, {"folder": loaded.folder})
 
 
+def _names_of(loaded: Loaded) -> set[str]:
+    """Return the names of the robots."""
+    return {robot.name for robot, _ in loaded.robots}
+
+
 def _config_of(loaded: Loaded, name: str) -> AdapterConfig:
     """Return the configuration of a robot."""
     return next(robot for robot, _ in loaded.robots if robot.name == name)
@@ -362,18 +389,6 @@ def _left(change: Change) -> Change:
     if change.kind is ChangeKind.UNTOUCHED:
         return change
     return ended(change, Outcome.REFUSED, f"{change.why}: end fleet run and start it again")
-
-
-def _told(changes: Iterable[Change], asked: ChangesAsked) -> tuple[Change, ...]:
-    """Return changes in the words of the format that is asked in."""
-    if asked.format > 1:
-        return tuple(changes)
-    return tuple(
-        msgspec.structs.replace(change, kind=ChangeKind.ADDED)
-        if change.kind is ChangeKind.RENAMED
-        else change
-        for change in changes
-    )
 
 
 def _answer(question: Query, answer: ChangesAnswer) -> None:

@@ -49,7 +49,7 @@ from fleet.host.process.history_service import HistoryService
 from fleet.host.process.interrupted_commands import tell_interrupted_commands
 from fleet.host.process.robot_process import RobotProcess
 from fleet.host.process.stop_inputs import TELL, StopInputs
-from fleet.host.process.stop_service import replace_groups, serve_stops, stop_everywhere
+from fleet.host.process.stop_service import serve_stops, stop_everywhere
 from fleet.host.requests.stop_cause import local_cause
 from fleet.host.robot.local_robot import LocalRobot
 from fleet.host.robot.robot_positions import positions_of
@@ -179,6 +179,7 @@ class Edge:
             ),
             hindrance=self.missions.hindrance,
             members=WorkerMembership(self.process, self._remote_robots, self._workers, workers),
+            groups=self._groups,
             followers=Followers(
                 self.missions,
                 self._stop_inputs,
@@ -321,7 +322,6 @@ class Edge:
     def _configure(self, loaded: Loaded) -> None:
         """Tell what another configuration says from now on."""
         self._config = loaded.config
-        replace_groups(self._groups, loaded.config.members)
 
     def _soon(self, call: Callable[[], None]) -> None:
         """Run a call on the event loop; from any thread."""

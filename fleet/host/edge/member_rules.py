@@ -2,34 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
-
 from fleet.config.load import Loaded
 from fleet.config.schema import FleetConfig
 from fleet.host.process.component_settings import worker_of
 from fleet.host.process.stop_inputs import robots_of
-from fleet.model.change import Change, ChangeKind
 
 AGAIN = "end fleet run and start it again"
 
 
-def unfit(running: Loaded, new: Loaded, added: str, gone: str) -> str:
-    """Return why a robot of the new file cannot be ``added``, or one be ``gone``; empty when they can."""
+def unfit(running: Loaded, new: FleetConfig, added: str) -> str:
+    """Return why a robot of the new file cannot be ``added``, or one be taken out; empty when it can."""
     if running.config.pair is not None:
         return f"both edges of a pair begin with the same robots: {AGAIN}"
-    if added and gone and bool(runs_in(new, added)) != bool(runs_in(running, gone)):
-        return f"it moves to another process: {AGAIN}"
-    return _unfit_to_add(running, new.config, added, gone) if added else ""
-
-
-def name_before(change: Change, running: Loaded, new: Loaded) -> str:
-    """Return the name that a robot has in the edge that is taken out or renamed; empty for another change."""
-    if change.kind is ChangeKind.REMOVED:
-        return change.name
-    if change.kind is not ChangeKind.RENAMED:
-        return ""
-    twins = {robot.name: robot.twin for robot in new.config.robots}
-    return next((robot.name for robot in running.config.robots if robot.twin == twins[change.name]), "")
+    return _unfit_to_add(running.config, new, added) if added else ""
 
 
 def groups_hindrance(running: FleetConfig, new: FleetConfig) -> str:
@@ -40,26 +25,22 @@ def groups_hindrance(running: FleetConfig, new: FleetConfig) -> str:
     return f"stop input {', '.join(named)} names one that changes: {AGAIN}" if named else ""
 
 
-def _unfit_to_add(running: Loaded, new: FleetConfig, added: str, gone: str) -> str:
-    """Return why a robot cannot be added; ``gone`` is the robot of the same twin, if there is one."""
-    config = running.config
+def _unfit_to_add(config: FleetConfig, new: FleetConfig, added: str) -> str:
+    """Return why a robot cannot be added."""
     twins = {robot.name: robot.twin for robot in new.robots}
-    owner = [robot.name for robot in config.robots if robot.twin == twins[added] and robot.name != gone]
+    owner = [robot.name for robot in config.robots if robot.twin == twins[added]]
     if owner:
         return f"{owner[0]} has its twin as long as the edge runs: {AGAIN}"
-    if not gone and config.bus.access and "edge" in config.bus.access.values():
+    if config.bus.access and "edge" in config.bus.access.values():
         return f"the access rules of the bus name its twin: {AGAIN}"
-    if _stopped_by(new, added) != _stopped_by(config, added, new.members):
+    if _stopped_by(new, added) != _stopped_by(config, added):
         return f"a stop input that it needs is opened at the start: {AGAIN}"
     return ""
 
 
-def _stopped_by(
-    config: FleetConfig, robot: str, groups: Mapping[str, Iterable[str]] | None = None
-) -> set[str]:
+def _stopped_by(config: FleetConfig, robot: str) -> set[str]:
     """Return the stop inputs that stop a robot."""
-    members = groups if groups is not None else config.members
-    return {one.name for one in config.stop_inputs if robots_of([one], members, [robot])}
+    return {one.name for one in config.stop_inputs if robots_of([one], config.members, [robot])}
 
 
 def runs_in(loaded: Loaded, name: str) -> str:

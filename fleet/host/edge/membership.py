@@ -1,4 +1,4 @@
-"""Robots that are added to a running edge, taken out of it, or go on under another name; all or none of each.
+"""Robots that are added to a running edge, or taken out of it; all or none of each.
 
 What an edge keeps of its robots is in several places: missions, the bridge to the cloud, claims, stop inputs.
 ``Membership`` tells all of them, and takes back what was done when one of them fails.
@@ -13,7 +13,6 @@ import msgspec
 
 from fleet.bridge.bridge import Bridge
 from fleet.config.load import Loaded
-from fleet.config.loaded_robots import without_robot
 from fleet.config.schema import CloudConfig
 from fleet.host.edge.cloud_claims import CloudClaims
 from fleet.host.edge.cloud_presence import CloudPresence
@@ -23,13 +22,11 @@ from fleet.host.edge.notifier import Notifier
 from fleet.host.edge.stops_meanwhile import StopsMeanwhile
 from fleet.host.edge.worker_members import WorkerMembership
 from fleet.host.process.component_settings import bridge_rules
-from fleet.host.process.rebuild import BACK_WITHIN, ended, seen
+from fleet.host.process.rebuild import ended, seen
 from fleet.host.process.robot_process import RobotProcess, RobotSpec
 from fleet.host.process.stop_inputs import StopInputs
-from fleet.host.requests.stop_cause import local_cause
 from fleet.host.robot.local_robot import LocalRobot
 from fleet.host.robot.rest import not_resting
-from fleet.host.robot.separation_keeper import go_on
 from fleet.host.safety.admission import LEAVE
 from fleet.host.workers.remote_robot import RemoteRobot
 from fleet.host.workers.worker_task import Importer, robot_tasks
@@ -59,7 +56,7 @@ class Followers:
         self._bridge, self._presence, self._cloud = bridge, presence, cloud
 
     def join(self, robot: LocalRobot | RemoteRobot) -> None:
-        """Have one more robot, or another one of a twin; before it is run."""
+        """Have one more robot; before it is run."""
         if isinstance(robot, LocalRobot):
             self._stop_inputs.join(robot.name, robot.controller.latch)
         else:
@@ -72,12 +69,10 @@ class Followers:
             self._bridge.uplink.own([robot.twin] if isinstance(robot, LocalRobot) else [])
             self._presence.leave_words()
 
-    def leave(self, robot: LocalRobot | RemoteRobot, *, replaced: bool) -> None:
-        """Have a robot no more, whose run has ended; ``replaced``: another one has joined with its twin."""
+    def leave(self, robot: LocalRobot | RemoteRobot) -> None:
+        """Have a robot no more, whose run has ended."""
         self._stop_inputs.leave(robot.name)
         self._missions.leave(robot.name)
-        if replaced:
-            return
         self._notifier.leave(robot.twin)
         self._cloud_claims.leave(robot.twin)
         if self._bridge is not None and self._presence is not None:
@@ -130,13 +125,11 @@ class Membership:
             return f"it cannot be added: {type(error).__name__}: {error}"
         return ""
 
-    async def _added_elsewhere(self, name: str, running: Loaded, loaded: Loaded, why: str = "") -> str:
-        """Add a robot that runs in a worker; ``why`` it is stopped already."""
+    async def _added_elsewhere(self, name: str, running: Loaded, loaded: Loaded) -> str:
+        """Add a robot that runs in a worker."""
 
         def join(robot: RemoteRobot) -> None:
             self._meanwhile.pass_on(robot)
-            if why:
-                robot.stop_later(local_cause("", why))
             self._followers.join(robot)
 
         trouble = await self._workers.add(name, running, loaded, join)
@@ -169,45 +162,12 @@ class Membership:
             await self._keep_stop(robot)
         return trouble
 
-    async def _renamed_elsewhere(
-        self, robot: RemoteRobot, name: str, old: Loaded, new: Loaded, *, force: bool
-    ) -> str:
-        """Take a robot out of its worker and add it under another name; what fails is taken back."""
-        trouble = await self._removed_elsewhere(robot, old, force=force)
-        if trouble:
-            return trouble
-        state, rest = robot.state(), without_robot(old, robot.name)
-        why = (state.stop_cause or "set before it was renamed") if state.emergency_stop else ""
-        trouble = await self._added_elsewhere(name, rest, new, why)
-        if trouble:
-            again = await self._added_elsewhere(robot.name, rest, old, why)
-            trouble += f"; {again}" if again else ""
-        return trouble
-
     async def _keep_stop(self, robot: RemoteRobot) -> None:
         """Keep a stop of a robot that is gone, if its worker has not heard it any more."""
         self._meanwhile.pass_on(robot)
         if robot.unheard:
             journal = await asyncio.to_thread(self._process.journal.robot, robot.name)
             journal.latch(robot.unheard)
-
-    async def rename(self, before: str, name: str, old: Loaded, new: Loaded, *, force: bool) -> str:
-        """Have a robot go on under a new name, with its stop; one that answered must answer again."""
-        elsewhere = self._workers.robot(before)
-        if elsewhere is not None:
-            return await self._renamed_elsewhere(elsewhere, name, old, new, force=force)
-        robot = self._process.robots[before]
-        answered = not robot.controller.offline
-        trouble = await self.leaves_runs(robot) or await self._replaced(robot, name, new)
-        if trouble or not answered:
-            return trouble
-        renamed = self._process.robots[name]
-        if await seen(lambda: not renamed.controller.offline, BACK_WITHIN):
-            return ""
-        cause = renamed.state().cause
-        trouble = f"it did not answer within {BACK_WITHIN:g} s: {cause}"
-        again = await self._replaced(renamed, before, old)
-        return trouble + (f"; {again}" if again else "")
 
     async def _built(self, name: str, loaded: Loaded) -> LocalRobot:
         """Build a robot of a loaded file; raises whatever its adapter raises."""
@@ -220,40 +180,15 @@ class Membership:
                 self._process.drop(left)
             raise
 
-    async def _replaced(self, robot: LocalRobot, name: str, loaded: Loaded) -> str:
-        """Run a robot of a loaded file in the place of one that has the same twin."""
-        try:
-            replacement = await self._built(name, loaded)
-        except Exception as error:  # its adapter is foreign code
-            log.exception("%s cannot be built", name)
-            return f"it cannot be built: {type(error).__name__}: {error}"
-        trouble = await ended(self._process, robot)
-        if trouble:
-            self._process.drop(replacement)
-            self._process.runs.resume(robot)
-            return trouble
-        self._meanwhile.engage(replacement, robot.name)
-        if why := robot.controller.latch.why:
-            replacement.controller.latch.engage(why)
-            replacement.controller.latch.record()
-        apart, was = replacement.controller.guard.apart, robot.controller.guard.apart
-        if apart is not None and was is not None:
-            go_on(apart, was)
-        self._followers.join(replacement)
-        self._followers.leave(robot, replaced=True)
-        self._process.drop(robot)
-        self._process.serve(replacement)
-        return ""
-
     def _let_go(self, robot: LocalRobot) -> None:
         """Forget a robot everywhere."""
-        self._followers.leave(robot, replaced=False)
+        self._followers.leave(robot)
         self._process.drop(robot)
         self._process.give_up(robot.twin)
 
     def _let_go_elsewhere(self, robot: RemoteRobot) -> None:
         """Forget a robot of a worker everywhere."""
-        self._followers.leave(robot, replaced=False)
+        self._followers.leave(robot)
         self._workers.forget(robot)
 
     async def leaves_runs(self, robot: LocalRobot | RemoteRobot) -> str:

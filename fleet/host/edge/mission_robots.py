@@ -101,7 +101,7 @@ class MissionRobots:
             self.join(robot)
 
     def join(self, robot: LocalRobot | RemoteRobot) -> None:
-        """Have one more robot of this edge, in place of another one of its twin if there is one."""
+        """Have one more robot of this edge."""
         name = robot.name
         ours: Robot
         if isinstance(robot, LocalRobot):

@@ -218,7 +218,7 @@ class Missions:
     # -- robots that come and go -----------------------------------------------------------------------
 
     def join(self, robot: LocalRobot | RemoteRobot) -> None:
-        """Have one more robot, in place of another one of its twin if there is one; on the loop."""
+        """Have one more robot; on the loop."""
         self._robots.join(robot)
         self._reported.join(robot.name, robot.twin, elsewhere=robot.name in self._robots.elsewhere)
 

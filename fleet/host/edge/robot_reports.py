@@ -39,7 +39,7 @@ class RobotReports:
             reports.subscribe_many(f"cw/*/data/{channel}", calls)
 
     def join(self, robot: str, twin: str, *, elsewhere: bool) -> None:
-        """Take what is reported of a robot, in place of another one of its twin; one in a worker: all."""
+        """Take what is reported of a robot; of one in a worker: all."""
         self.leave(twin)
         self._take(twin, EventReport.channel, partial(self._published, robot))
         if elsewhere:

@@ -11,35 +11,39 @@ from fleet.host.workers.remote_robot import RemoteRobot
 
 
 class StopsMeanwhile:
-    """The stops of one process since ``begin``."""
+    """The stops of one process from ``begin`` to ``end``."""
 
     def __init__(self, process: RobotProcess) -> None:
         self._stops: list[tuple[tuple[str, ...], StopCause]] = []
         self._groups: Mapping[str, Iterable[str]] = {}
-        self._tell, process.on_stop = process.on_stop, self._stopped
+        self._under_way = False
+        process.stop_asked = self._asked
 
     def begin(self, groups: Mapping[str, Iterable[str]]) -> None:
         """Begin to remember; ``groups`` are those that robots will have."""
-        self._stops, self._groups = [], groups
+        self._stops, self._groups, self._under_way = [], groups, True
 
-    def engage(self, robot: LocalRobot, *names: str) -> None:
-        """Set the stops that were asked for of a robot, under its own name or one of these."""
-        for cause in self._of(robot.name, *names):
+    def end(self) -> None:
+        """Remember no more."""
+        self._stops, self._under_way = [], False
+
+    def engage(self, robot: LocalRobot) -> None:
+        """Set the stops that were asked for of a robot."""
+        for cause in self._of(robot.name):
             robot.controller.latch.engage(cause.why)
         robot.controller.latch.record()
 
-    def pass_on(self, robot: RemoteRobot, *names: str) -> None:
+    def pass_on(self, robot: RemoteRobot) -> None:
         """Have a robot in a worker stopped that was asked to stop before its worker ran it."""
-        for cause in self._of(robot.name, *names):
+        for cause in self._of(robot.name):
             robot.stop_later(cause)
 
-    def _of(self, *names: str) -> list[StopCause]:
+    def _of(self, name: str) -> list[StopCause]:
         """Return the stops that name a robot, or a group of it, or nobody."""
-        known = set(names)
-        known |= {group for group, members in self._groups.items() if known.intersection(members)}
+        known = {name, *(group for group, members in self._groups.items() if name in members)}
         return [cause for named, cause in list(self._stops) if not named or known.intersection(named)]
 
-    def _stopped(self, names: tuple[str, ...], cause: StopCause) -> None:
-        """Remember a stop; from any thread."""
-        self._stops.append((names, cause))
-        self._tell(names, cause)
+    def _asked(self, names: tuple[str, ...], cause: StopCause) -> None:
+        """Remember a stop before robots are looked up: who is not found finds it; from any thread."""
+        if self._under_way:
+            self._stops.append((names, cause))

@@ -136,6 +136,8 @@ class RobotProcess:
         self._holders: dict[str, dict[str, str]] = {}
         self.on_holder: Callable[[str, str], None] = lambda _twin, _holder: None
         self.on_stop: Callable[[tuple[str, ...], StopCause], None] = lambda _names, _cause: None
+        # Called before the robots are looked up; it must neither wait nor raise.
+        self.stop_asked: Callable[[tuple[str, ...], StopCause], None] = lambda _names, _cause: None
 
     def _make(self, spec: RobotSpec, journal: RobotJournal | None = None) -> LocalRobot:
         """Build one robot; the links that it opens leave copies of their frames for a recorder."""
@@ -290,6 +292,7 @@ class RobotProcess:
 
     def stop_robots(self, names: tuple[str, ...], cause: StopCause) -> list[str]:
         """Emergency-stop robots at once, from any thread; no name means all of this process."""
+        self.stop_asked(names, cause)
         stopped = [robot for robot in list(self.robots.values()) if not names or robot.name in names]
         for robot in stopped:
             robot.controller.latch.engage(cause.why)

@@ -97,6 +97,13 @@ def replace_groups(groups: dict[str, list[str]], by: Mapping[str, Iterable[str]]
         del groups[name]
 
 
+def merged_groups(
+    one: Mapping[str, Iterable[str]], other: Mapping[str, Iterable[str]]
+) -> dict[str, list[str]]:
+    """Return groups with the robots of both."""
+    return {name: [*dict.fromkeys((*one.get(name, ()), *other.get(name, ())))] for name in {**one, **other}}
+
+
 def names_in(payload: bytes, groups: Mapping[str, list[str]]) -> tuple[str, ...]:
     """Return the robots that a stop names, groups spelt out; none means all.
 

@@ -387,9 +387,3 @@ class SeparationKeeper:
 def _alike(one: Velocity, other: Velocity) -> bool:
     """Return whether two velocities lead to the same place, as far as it matters here."""
     return abs(one.yaw_rate - other.yaw_rate) <= ALIKE and (one.linear - other.linear).norm() <= ALIKE
-
-
-def go_on(robot: SeparationKeeper, before: SeparationKeeper) -> None:
-    """Have a robot be where it was under another name: it is not at its start any more."""
-    for name in ("placement", "on_earth", "lost", "at", "_seen", "_yaw"):
-        setattr(robot, name, getattr(before, name))

@@ -53,12 +53,22 @@ def test_every_robot_of_either_file_is_told_once_and_every_section_that_differs(
     found = difference(old, new, not_shown)
     robots = [change for change in found if not change.section]
     names = [change.name for change in robots]
-    names += [renamed(old, new)[change.name] for change in robots if change.kind is ChangeKind.RENAMED]
-    assert sorted(names) == sorted({*old.robots, *new.robots})
+    assert sorted({*names, *anew(old, new).values()}) == sorted({*old.robots, *new.robots})
+    assert len(names) == len(set(names))
     sections = {change.name for change in found if change.section}
     known = {*old.sections, *new.sections}
     assert sections == {name for name in known if old.sections.get(name, {}) != new.sections.get(name, {})}
     assert all(change.why for change in found if change.kind is ChangeKind.RESTART)
+
+
+def anew(old, new):
+    """Return the robots that have another name: new to old."""
+    names = renamed(old, new).items()
+    return {
+        name: was
+        for name, was in names
+        if name not in old.robots and was not in new.robots and "twin" in new.robots[name]
+    }
 
 
 @given(outlines, outlines)
@@ -68,9 +78,8 @@ def test_what_becomes_of_a_robot_follows_from_its_fields_alone(old, new):
             continue
         was, now = old.robots.get(change.name), new.robots.get(change.name)
         expected = ChangeKind.ADDED if was is None else ChangeKind.REMOVED if now is None else None
-        if change.kind is ChangeKind.RENAMED:
-            assert (was, now["twin"]) == (None, old.robots[renamed(old, new)[change.name]]["twin"])
-            continue
+        if change.name in anew(old, new):
+            expected = ChangeKind.RESTART
         if was is not None and now is not None:
             expected = kind_of({name.split(".")[0] for name in changed(was, now)}, was)
         assert change.kind is expected

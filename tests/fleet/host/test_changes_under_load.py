@@ -96,7 +96,7 @@ class Load:
             session.subscribe(data_key(robot.twin, PoseReport.channel), told)
 
     def change_some(self, number):
-        """Change robots at random; one more is renamed, added, or taken out again."""
+        """Change robots at random; one more is added, or taken out again."""
         fleet = json.loads(self.place.file.read_text())
         for entry in self.dice.sample(fleet["robots"], number):
             entry.update(self.dice.choice(FORMS)(self.dice))
@@ -105,13 +105,11 @@ class Load:
 
     def come_and_go(self, robots):
         guests = [entry for entry in robots if entry["name"] not in self.names]
-        what = self.dice.choice(["add", "rename", "remove"]) if guests else "add"
+        what = self.dice.choice(["add", "remove"]) if guests else "add"
         self.done.append(what)
         name = f"guest{len(self.done)}"
         if what == "add":
             robots.append(robots[0] | {"name": name, "twin": str(uuid.uuid4()), "limits": {"speed": 1.0}})
-        elif what == "rename":
-            guests[0]["name"] = name
         else:
             robots.remove(guests[0])
 
@@ -158,7 +156,7 @@ async def test_robots_that_are_not_changed_lose_no_message_and_no_lease(load_of,
             assert all(later - sooner == 1 for sooner, later in itertools.pairwise(load.heard[name])), name
         assert all(set(load.words(name)) == {"run"} for name in load.driven)
         assert rebuilt
-        kinds = {"add": ChangeKind.ADDED, "rename": ChangeKind.RENAMED, "remove": ChangeKind.REMOVED}
+        kinds = {"add": ChangeKind.ADDED, "remove": ChangeKind.REMOVED}
         came = [change for change in done if change.kind in kinds.values()]
         assert [change.kind for change in came] == [kinds[what] for what in load.done]
         assert {change.outcome for change in came} == {Outcome.DONE}

@@ -1,20 +1,19 @@
-"""Robots are added to a running edge, taken out of it and renamed; the others never notice."""
+"""Robots are added to a running edge and taken out of it; the others never notice."""
 
 import asyncio
 import json
 import uuid
-from types import SimpleNamespace
 
 import psutil
 import pytest
 
 from fleet.bus import keys
 from fleet.host.edge import membership
-from fleet.host.edge.member_rules import groups_hindrance
 from fleet.host.process.robot_process import RobotProcess
+from fleet.host.process.stop_service import names_in, stop_everywhere
 from fleet.host.requests.stop_cause import local_cause
 from fleet.model.change import ChangeKind, Outcome
-from tests.fleet.host.edge.test_changes import GOTO, HERE, MISSION, RELEASE, Field, moves, running
+from tests.fleet.host.edge.test_changes import GOTO, HERE, MISSION, Field, moves, running
 
 STOP_REX = b'["rex"]'
 
@@ -41,8 +40,8 @@ class Yard(Field):
     def remove(self, name):
         self.put([robot for robot in self.robots if robot["name"] != name])
 
-    def rename(self, name, to, **fields):
-        self.put([robot | ({"name": to} | fields if robot["name"] == name else {}) for robot in self.robots])
+    def rename(self, name, to):
+        self.put([robot | ({"name": to} if robot["name"] == name else {}) for robot in self.robots])
 
     async def stop(self, names=b""):
         self.bus_session.put(keys.stop(self.place.id), names, urgent=True)
@@ -161,35 +160,22 @@ def _start(place):
         return fleet.start("go").id
 
 
-async def test_a_robot_goes_on_under_another_name_with_its_stop(yard_of_two):
+async def test_a_robot_with_a_new_name_waits_for_the_next_start_and_so_do_groups_that_name_it(yard_of_two):
     field = yard_of_two
-    await field.stop(STOP_REX)
-    await field.until(lambda: field.state("rex").emergency_stop)
-    twin = field.edge.process.robots["rex"].twin
+    field.place.change(groups={"crew": ["rex", "max"]})
+    await field.apply()
     field.rename("rex", "ada")
-    done = (await field.apply())["ada"]
-    assert (done.kind, done.outcome) == (ChangeKind.RENAMED, Outcome.DONE)
-    assert done.fields == ("name: rex -> ada",)
-    assert sorted(field.names()) == ["ada", "max"]
-    assert field.edge.process.robots["ada"].twin == twin
-    await field.until(lambda: field.state("ada").health == "ok")
-    assert field.state("ada").emergency_stop
-    assert (await field.say("ada", RELEASE)).ok
-    assert (await field.say("ada", {"command": "walk"})).ok
-    assert field.place.words("max") == ["run"]
-
-
-async def test_a_robot_that_does_not_answer_under_its_new_name_has_the_old_one_again(
-    yard_of_two, monkeypatch
-):
-    field = yard_of_two
-    monkeypatch.setattr(membership, "BACK_WITHIN", 0.5)
-    field.rename("rex", "ada", journal=str(field.place.file.parent / "nowhere" / "journal"))
-    done = (await field.apply())["ada"]
-    assert (done.outcome, "did not answer" in done.why) == (Outcome.FAILED, True)
-    assert sorted(field.names()) == ["max", "rex"]
-    await field.until(lambda: field.state("rex").health == "ok")
-    assert (await field.say("rex", {"command": "walk"})).ok
+    field.add("eva")
+    field.place.change(groups={"crew": ["ada", "max"]})
+    done = await field.apply()
+    assert (done["ada"].kind, done["ada"].outcome) == (ChangeKind.RESTART, Outcome.REFUSED)
+    assert done["ada"].fields == ("name: rex -> ada",)
+    assert done["eva"].outcome is Outcome.DONE
+    assert (done["groups"].outcome, "ada, rex" in done["groups"].why) == (Outcome.REFUSED, True)
+    assert sorted(field.names()) == ["eva", "max", "rex"]
+    assert field.place.words("rex") == ["run"]
+    await field.stop(b'["crew"]')
+    await field.until(lambda: field.state("rex").emergency_stop)
 
 
 async def test_a_stop_survives_that_a_robot_is_taken_out_and_added_again(yard_of_two):
@@ -219,6 +205,63 @@ async def test_a_stop_while_a_robot_is_built_reaches_it(yard_of_two, monkeypatch
     field.place.change(groups={"all-of-them": ["rex", "ada"]})
     assert (await field.apply())["ada"].outcome is Outcome.DONE
     assert field.state("ada").emergency_stop
+
+
+@pytest.mark.parametrize("place", [{}, {"worker": "limbs"}])
+async def test_a_stop_of_a_group_reaches_the_robots_that_a_change_has_added_to_it(
+    yard_of_two, monkeypatch, place
+):
+    """The groups themselves are taken over last, since they name the robots."""
+    field, spec_of = yard_of_two, membership._spec_of
+    field.place.change(groups={"crew": ["rex"]})
+    await field.apply()
+    field.add("ada", **place)
+    field.add("eva")
+    field.place.change(groups={"crew": ["max", "ada", "eva"]})
+
+    def stopped_meanwhile(loaded, name):
+        if name == "eva":
+            stop_everywhere(
+                field.edge.process,
+                field.edge.remote.values(),
+                names_in(b'["crew"]', field.edge._groups),
+                local_cause("", "test"),
+            )
+        return spec_of(loaded, name)
+
+    monkeypatch.setattr(membership, "_spec_of", stopped_meanwhile)
+    assert {change.outcome for change in (await field.apply()).values() if change.name != "rex"} >= {
+        Outcome.DONE
+    }
+    for name in ("rex", "max", "ada", "eva"):
+        await field.until(lambda name=name: field.state(name).emergency_stop)
+    assert field.edge._groups == {"crew": ["max", "ada", "eva"]}
+
+
+async def test_a_stop_of_a_group_that_cannot_be_taken_over_reaches_its_old_and_its_new_robots(
+    yard_of_two, monkeypatch
+):
+    field = yard_of_two
+    field.place.change(groups={"crew": ["rex"]})
+    await field.apply()
+    made = RobotProcess._make
+
+    def fails(process, spec, journal=None):
+        if spec.config.name == "eva":
+            raise RuntimeError("no such arm")
+        return made(process, spec, journal)
+
+    monkeypatch.setattr(RobotProcess, "_make", fails)
+    field.add("ada")
+    field.add("eva")
+    field.place.change(groups={"crew": ["ada", "eva"]})
+    done = await field.apply()
+    assert (done["ada"].outcome, done["groups"].outcome) == (Outcome.DONE, Outcome.REFUSED)
+    assert field.edge._groups == {"crew": ["rex", "ada", "eva"]}
+    field.remove("eva")
+    field.place.change(groups={"crew": ["rex"]})
+    await field.apply()
+    assert field.edge._groups == {"crew": ["rex"]}
 
 
 async def test_a_stop_while_a_robot_is_taken_out_is_set_when_it_is_back(yard_of_two, monkeypatch):
@@ -254,18 +297,7 @@ async def test_a_robot_that_is_driven_goes_on_while_others_come_and_go(yard_of_t
     assert (await field.say("max", GOTO | {"action_id": "a2"}, "navigate")).ok
 
 
-def test_groups_that_a_stop_input_names_wait_for_the_next_start():
-    """It knows the latches that it holds from its start: a robot that joins would move without it."""
-
-    def config(*crew):
-        wall = SimpleNamespace(name="wall", robots=("crew",))
-        return SimpleNamespace(members={"crew": crew, "others": crew}, stop_inputs=(wall,))
-
-    assert groups_hindrance(config("rex"), config("rex")) == ""
-    assert "stop input wall names one" in groups_hindrance(config("rex"), config("rex", "max"))
-
-
-async def test_a_robot_in_a_process_of_its_own_comes_goes_and_is_renamed_with_it(yard_of_two):
+async def test_a_robot_in_a_process_of_its_own_comes_and_goes_with_it(yard_of_two):
     field = yard_of_two
     field.add("arm", worker="limbs")
     done = await field.apply()
@@ -275,14 +307,8 @@ async def test_a_robot_in_a_process_of_its_own_comes_goes_and_is_renamed_with_it
     (process,) = set(field.place.processes("arm"))
     await field.stop(b'["arm"]')
     await field.until(lambda: field.state("arm").emergency_stop)
-    field.rename("arm", "leg", worker="limb")
-    done = (await field.apply())["leg"]
-    assert (done.kind, done.outcome) == (ChangeKind.RENAMED, Outcome.DONE), done.why
-    await field.until(lambda: field.state("leg").health == "ok" and field.state("leg").emergency_stop)
-    assert not psutil.pid_exists(process)
-    (process,) = set(field.place.processes("leg"))
-    field.remove("leg")
-    assert (await field.apply())["leg"].outcome is Outcome.DONE
+    field.remove("arm")
+    assert (await field.apply())["arm"].outcome is Outcome.DONE
     assert sorted(field.names()) == ["max", "rex"]
     assert field.edge._workers.managers == {}
     assert not psutil.pid_exists(process)

@@ -168,6 +168,22 @@ async def test_a_pose_that_is_no_place_keeps_no_robot_in_its_fence(yard, run_edg
             assert (answers[0].ok, told in answers[0].reason) == (not told, True)
 
 
+async def test_a_stop_is_noted_before_the_robots_are_looked_up(served):
+    """A robot that is added in between looks for the stop after it can be found."""
+    seen = []
+
+    class Robots(dict):
+        def values(self):
+            seen.append("looked up")
+            return super().values()
+
+    process, _ = served
+    process.stop_asked = lambda names, cause: seen.append((names, cause.why))
+    process.robots = Robots(process.robots)
+    process.stop_robots(("rex",), local_cause("", "test"))
+    assert seen[:2] == [(("rex",), "test"), "looked up"]
+
+
 async def test_a_stop_for_one_touches_no_other(served, asks):
     process, place = served
     assert process.stop_robots(("max", "nobody"), local_cause("", "test")) == ["max"]
