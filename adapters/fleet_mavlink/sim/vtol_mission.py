@@ -15,7 +15,7 @@ from fleet_mavlink.sim.plane_moves import Pass
 
 if TYPE_CHECKING:
     from fleet_mavlink.sim.autopilot import Autopilot
-    from fleet_mavlink.sim.missions import Item
+    from fleet_mavlink.sim.mission_items import Item
 
 
 class _LandByRotors(Manoeuvre):
