@@ -12,7 +12,7 @@ from fleet.bus.settings import client_dirs
 from fleet.errors import StateError, StateNewer
 from fleet.health.rollup import SeenEdge
 from fleet.runtime.decoding import decode_json
-from fleet.runtime.state_format import refuse_newer
+from fleet.runtime.state_format import format_of, refuse_newer
 from fleet.spool.state_folder import locked, made, state_folder
 
 Edges = dict[str, SeenEdge]
@@ -27,10 +27,6 @@ class _Kept(msgspec.Struct, frozen=True):
 
     format: int
     buses: dict[str, Edges]
-
-
-class _Format(msgspec.Struct, frozen=True):
-    format: int
 
 
 class SeenEdges:
@@ -77,7 +73,7 @@ class SeenEdges:
         except OSError as error:
             raise StateError(f"cannot read {self._path}: {error.strerror}") from None
         try:
-            refuse_newer(decode_json(data, _Format).format, FORMAT)
+            refuse_newer(format_of(data), FORMAT)
             return decode_json(data, _Kept).buses
         except StateNewer as error:
             raise StateError(f"{self._path}: {error}") from None

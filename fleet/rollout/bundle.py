@@ -15,6 +15,7 @@ import msgspec
 from fleet.errors import FleetError
 from fleet.rollout.signature import PrivateKey, PublicKey, is_signed
 from fleet.runtime.decoding import decode_json
+from fleet.runtime.state_format import format_of
 
 FORMAT = 1
 HEAD = b"fleet bundle 1\n"
@@ -46,10 +47,6 @@ class Bundle(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     secrets: tuple[str, ...]
     fleet: str
     made: float
-
-
-class _Format(msgspec.Struct, frozen=True):
-    format: int
 
 
 class _Header(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -110,7 +107,7 @@ def _parts(data: bytes) -> tuple[_Header, bytes]:
 def _decoded(content: bytes) -> Bundle:
     """Return the bundle of a signed content."""
     try:
-        number = decode_json(content, _Format).format
+        number = format_of(content)
         if number > FORMAT:
             raise BundleError(f"the bundle has format {number}; this fleet reads {FORMAT}: update it first")
         return decode_json(content, Bundle)

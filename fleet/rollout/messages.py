@@ -11,6 +11,7 @@ from msgspec import Meta
 from fleet.errors import StateError
 from fleet.rollout.waves import Progress
 from fleet.runtime.decoding import decode_json
+from fleet.runtime.state_format import format_of
 
 FORMAT = 1
 LARGEST = 1 << 20  # bytes of one entry
@@ -103,16 +104,12 @@ class Rollout(msgspec.Struct, frozen=True):
     format: int = FORMAT
 
 
-class _Format(msgspec.Struct, frozen=True):
-    format: int
-
-
 def read_entry(data: bytes, kind: type[T], place: str) -> T:
     """Return an entry of the store; raises StateError."""
     if len(data) > LARGEST:
         raise StateError(f"{place} has more than {LARGEST >> 20} MiB")
     try:
-        found = decode_json(data, _Format).format
+        found = format_of(data)
         if found > FORMAT:
             raise StateError(f"{place} has format {found}; this fleet reads {FORMAT}: update it")
         return decode_json(data, kind)

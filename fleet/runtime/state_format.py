@@ -17,7 +17,19 @@ Files in a format of others (candump captures, PX4's list of events) have no num
 
 from __future__ import annotations
 
+import msgspec
+
 from fleet.errors import StateNewer
+from fleet.runtime.decoding import decode_json
+
+
+class _Format(msgspec.Struct, frozen=True):
+    format: int
+
+
+def format_of(data: bytes) -> int:
+    """Return the format number of a JSON object; raises what msgspec raises for one without a number."""
+    return decode_json(data, _Format).format
 
 
 def refuse_newer(found: int, newest: int) -> None:

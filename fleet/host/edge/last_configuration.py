@@ -16,7 +16,7 @@ import msgspec
 from fleet.config.difference import Outline
 from fleet.errors import StateError
 from fleet.runtime.decoding import decode_json
-from fleet.runtime.state_format import refuse_newer
+from fleet.runtime.state_format import format_of, refuse_newer
 from fleet.spool.state_folder import made
 from fleet.version import __version__
 
@@ -34,10 +34,6 @@ class LastConfiguration(msgspec.Struct, frozen=True):
     stamp: float
     key: str
     outline: Outline
-
-
-class _Format(msgspec.Struct, frozen=True):
-    format: int
 
 
 def keep(folder: Path, outline: Outline, stamp: float) -> None:
@@ -69,7 +65,7 @@ def last_configuration(folder: Path) -> LastConfiguration | None:
     except OSError as error:
         raise StateError(f"cannot read {path}: {error.strerror}") from None
     try:
-        refuse_newer(decode_json(data, _Format).format, FORMAT)
+        refuse_newer(format_of(data), FORMAT)
         return decode_json(data, LastConfiguration)
     except msgspec.DecodeError as error:
         raise StateError(f"{path} cannot be read: {error}") from None

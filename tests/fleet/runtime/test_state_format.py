@@ -9,6 +9,7 @@ import shutil
 import sqlite3
 from pathlib import Path
 
+import msgspec
 import pytest
 
 from fleet.cli.main import main
@@ -19,7 +20,7 @@ from fleet.history.store import HISTORY, History
 from fleet.host.journal.execution_journal import FORMAT, ExecutionJournal, Started, execution_journal_file
 from fleet.host.journal.journal import LOST, Journal
 from fleet.model.event import EventKind, EventReport
-from fleet.runtime.state_format import refuse_newer
+from fleet.runtime.state_format import format_of, refuse_newer
 from fleet.spool import inspection as spool_look
 from fleet.spool.message import Outcome
 from fleet.spool.spool import Spool, SpoolSettings
@@ -264,3 +265,13 @@ def test_the_newest_format_is_read_and_one_beyond_it_is_not():
     refuse_newer(1, 1)
     with pytest.raises(StateNewer, match="format 2, of a newer fleet; this one reads up to format 1"):
         refuse_newer(2, 1)
+
+
+def test_the_number_of_a_file_is_read_whatever_else_a_newer_fleet_wrote():
+    assert format_of(b'{"edges": 3, "format": 7}') == 7
+
+
+@pytest.mark.parametrize("data", [b"{}", b"[]", b'{"format": "7"}', b'{"format": 7', b""])
+def test_a_file_without_a_number_cannot_be_read(data):
+    with pytest.raises(msgspec.DecodeError):
+        format_of(data)

@@ -63,3 +63,8 @@ def test_a_setting_that_is_forgotten_is_gone(speeds):
     speeds.store(linear(0.2))
     speeds.forget()
     assert speeds.of("anna") == USUAL
+
+
+def test_new_limits_make_every_verb_slower_and_forget_what_was_set(speeds):
+    speeds.configure(None, Limits(speed=0.1, vertical_speed=0.1, yaw_rate=0.1))
+    assert speeds.of("anna") == MotionDefaults(forward=0.1, lateral=0.1, vertical=0.1, yaw_rate=0.1)
