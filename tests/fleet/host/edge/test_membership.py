@@ -13,7 +13,9 @@ from fleet.host.process.robot_process import RobotProcess
 from fleet.host.process.stop_service import names_in, stop_everywhere
 from fleet.host.requests.stop_cause import local_cause
 from fleet.host.workers.worker_changes import WorkerChanges
+from fleet.missions.program import Act
 from fleet.model.change import ChangeKind, Outcome
+from fleet.model.command import Origin, Transport
 from tests.fleet.host import conftest
 from tests.fleet.host.edge.test_changes import GOTO, HERE, MISSION, Field, moves, running
 
@@ -178,6 +180,32 @@ async def test_a_robot_with_a_new_name_waits_for_the_next_start_and_so_do_groups
     assert field.place.words("rex") == ["run"]
     await field.stop(b'["crew"]')
     await field.until(lambda: field.state("rex").emergency_stop)
+
+
+async def test_nobody_may_start_a_mission_with_a_robot_that_is_not_known_or_does_not_accept_it(
+    yard_of_two, monkeypatch
+):
+    """It is asked while the robot is shown, before the change has ended."""
+    field, serve = yard_of_two, RobotProcess.serve
+    missions, refusals = field.edge.missions, {}
+    asker = Origin(Transport.CLOUD, "edge")
+
+    def asked_meanwhile(process, robot):
+        for name in ("ada", "nobody"):
+            refusals[name] = missions._refusal(name, asker, True, True)
+        refusals["follow"] = missions._ways.hindrance("rex", Act("follow", "ada"))
+        return serve(process, robot)
+
+    monkeypatch.setattr(RobotProcess, "serve", asked_meanwhile)
+    field.add("ada", accepts={"command": [], "navigate": []})
+    assert (await field.apply())["ada"].outcome is Outcome.DONE
+    assert refusals["ada"]
+    assert refusals["nobody"] == "nobody is no robot of this edge"
+    assert refusals["follow"] == ""
+    field.remove("ada")
+    assert (await field.apply())["ada"].outcome is Outcome.DONE
+    assert "ada" not in missions._policies
+    assert missions._refusal("ada", asker, True, True)
 
 
 async def test_a_stop_survives_that_a_robot_is_taken_out_and_added_again(yard_of_two):
