@@ -394,6 +394,6 @@ class Edge:
 
     def _renew_stops(self, names: tuple[str, ...], why: str) -> None:
         """Set the stop again of robots in workers that do not have it; from any thread."""
-        for robot in self.remote.values():
+        for robot in list(self.remote.values()):
             if not names or robot.name in names:
                 robot.renew_stop(local_cause("", why))

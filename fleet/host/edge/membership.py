@@ -26,7 +26,7 @@ from fleet.host.process.rebuild import ended, seen
 from fleet.host.process.robot_process import RobotProcess, RobotSpec
 from fleet.host.process.stop_inputs import StopInputs
 from fleet.host.robot.local_robot import LocalRobot
-from fleet.host.robot.rest import not_resting
+from fleet.host.robot.rest import moving, not_resting
 from fleet.host.safety.admission import LEAVE
 from fleet.host.workers.remote_robot import RemoteRobot
 from fleet.host.workers.worker_task import Importer, robot_tasks
@@ -147,9 +147,11 @@ class Membership:
             return await self._removed_elsewhere(elsewhere, running, force=force)
         robot = self._process.robots[name]
         trouble = await self.leaves_runs(robot) or await ended(self._process, robot)
-        if trouble:
-            self._process.runs.resume(robot)
+        if trouble:  # it is not run again: two adapters would move one robot
             return trouble
+        if robot.controller.may_be_moving:
+            self._process.runs.resume(robot)
+            return moving(robot)
         self._let_go(robot)
         return ""
 
@@ -157,7 +159,9 @@ class Membership:
         """Take a robot out of its worker."""
         trouble = await self.leaves_runs(robot)
         trouble = trouble or await self._workers.remove(robot.name, running, force=force)
-        if not trouble:
+        if trouble:
+            self._meanwhile.pass_on(robot)
+        else:
             self._let_go_elsewhere(robot)
             await self._keep_stop(robot)
         return trouble

@@ -21,6 +21,7 @@ from fleet.model.command import Request, Transport
 from fleet.model.description import RobotDescription
 from fleet.model.report import Report
 from fleet.model.state import RobotState
+from fleet.robot_config import AdapterConfig
 from fleet.runtime.decoding import decode_json
 from fleet.wire.rules import Kind
 
@@ -38,10 +39,19 @@ class RobotRules:
     def configure(self, loaded: Loaded) -> None:
         """Take over another configuration, with the robots that it has."""
         for gone in self.policies.keys() - {robot.name for robot, _ in loaded.robots}:
-            del self.policies[gone], self.max_age[gone]
+            self.leave(gone)
         for robot, _ in loaded.robots:
-            self.policies[robot.name] = SourcePolicy(robot.accepts, simulated=robot.simulated)
-            self.max_age[robot.name] = robot.command_max_age
+            self.join(robot)
+
+    def join(self, robot: AdapterConfig) -> None:
+        """Have the rules of one robot, ahead of all that asks for it."""
+        self.policies[robot.name] = SourcePolicy(robot.accepts, simulated=robot.simulated)
+        self.max_age[robot.name] = robot.command_max_age
+
+    def leave(self, name: str) -> None:
+        """Forget the rules of a robot."""
+        self.policies.pop(name, None)
+        self.max_age.pop(name, None)
 
 
 class RobotHere:

@@ -96,6 +96,14 @@ class MissionWays:
         )
         self._checks = {robot.name: WayCheck(robot, self.site) for robot, _ in loaded.robots}
 
+    def join(self, robot: AdapterConfig) -> None:
+        """Check the ways of one more robot."""
+        self._checks[robot.name] = WayCheck(robot, self.site)
+
+    def leave(self, name: str) -> None:
+        """Check the ways of a robot no more."""
+        self._checks.pop(name, None)
+
     def hindrance(self, robot: str, act: Act) -> str:
         """Return why a robot must not do something; empty when nothing is known against it."""
         check = self._checks.get(robot)

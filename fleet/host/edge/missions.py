@@ -70,7 +70,7 @@ class Missions:
         self._bus_session = process.bus.control
         self._process = process
         self._recorded: set[str] = set()
-        rules = RobotRules(loaded)
+        self._rules = rules = RobotRules(loaded)
         self._policies = rules.policies
         self._states = self._bus_session.publishers(keys.run(self._edge, "*"))
         site = config.site.origin
@@ -218,7 +218,9 @@ class Missions:
     # -- robots that come and go -----------------------------------------------------------------------
 
     def join(self, robot: LocalRobot | RemoteRobot) -> None:
-        """Have one more robot; on the loop."""
+        """Have one more robot; its rules first, which all that asks for it goes by. On the loop."""
+        self._rules.join(robot.config)
+        self._ways.join(robot.config)
         self._robots.join(robot)
         self._reported.join(robot.name, robot.twin, elsewhere=robot.name in self._robots.elsewhere)
 
@@ -227,6 +229,8 @@ class Missions:
         twin = self._robots.leave(name)
         if twin:
             self._reported.leave(twin)
+        self._rules.leave(name)
+        self._ways.leave(name)
 
     def _event(self, robot: str, event: str) -> None:
         """Take an event of a robot; from any thread, and for nothing while no run is under way."""
@@ -245,8 +249,8 @@ class Missions:
     def _refusal(self, robot: str, origin: Origin, commands: bool, navigates: bool) -> str | None:  # noqa: FBT001 - by position
         """Return why somebody may not start a mission with a robot; None when he may."""
         policy = self._policies.get(robot)
-        if policy is None:  # a partner's: its own edge says so when the robot joins
-            return None
+        if policy is None:  # a partner's own edge says so when the robot joins
+            return None if robot in self.partners.robots else f"{robot} is no robot of this edge"
         return policy.mission_refusal(origin, commands=commands, navigates=navigates)
 
     # -- the bus ---------------------------------------------------------------------------------------

@@ -161,6 +161,9 @@ class TwinPlans:
         """Start a run, unless it is one that is known; on the loop."""
         run, origin = ask.action_id, ask.origin
         tell = partial(self._began, robot, ask, answer)
+        if robot.name not in self._policies:
+            tell("", {}, f"{robot.name} was taken out of this edge")
+            return
         if self._clock.monotonic() - arrived > self._max_age[robot.name]:
             tell("", {}, "it waited too long in here: the edge was held up")
             return

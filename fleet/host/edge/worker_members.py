@@ -19,6 +19,8 @@ from fleet.host.workers.worker_changes import WorkerChanges
 from fleet.host.workers.worker_manager import START_WITHIN
 from fleet.model.change import Outcome
 
+TAKEN = frozenset({Outcome.DONE, Outcome.PARTLY})  # the worker runs with it
+
 
 class WorkerMembership:
     """The robots of one edge in workers; on the loop. ``add`` and ``remove`` return why it was not done."""
@@ -57,13 +59,9 @@ class WorkerMembership:
                 await self._workers.end(robot.worker)
                 return ""
             return f"worker {robot.worker} was started by hand: end it first"
-        del self._remote.by_name[name]  # it is not waited for
         after = without_robot(running, name)
-        outcome, why = await self._changes.change(robot.worker, after, force=force)
-        if outcome in {Outcome.DONE, Outcome.PARTLY}:
-            return ""
-        self._remote.by_name[name] = robot
-        return why
+        outcome, why = await self._changes.change(robot.worker, after, force=force, gone=name)
+        return "" if outcome in TAKEN else why
 
     def forget(self, robot: RemoteRobot) -> None:
         """Let go of a robot that no worker runs any more."""
@@ -79,7 +77,7 @@ class WorkerMembership:
             return f"worker {worker} is started by hand: end it, and start it with the new file"
         if worker in self._workers.managers:
             outcome, why = await self._changes.change(worker, after, force=False)
-            return "" if outcome is Outcome.DONE else why
+            return "" if outcome in TAKEN else why
         manager = self._workers.add(worker, after)
         if await seen(lambda: manager.started > 0, START_WITHIN):
             return ""

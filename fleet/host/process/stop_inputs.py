@@ -105,18 +105,25 @@ class StopInput:
         """Open the device, listen, and begin anew for whatever ends that."""
         while not self._ended.is_set():
             try:
-                device = open_device(self._config)
-            except (OSError, ValueError) as error:
-                self._lost(f"{self._config.device}: {getattr(error, 'strerror', None) or error}")
-            else:
-                try:
-                    self._listen(device)
-                except OSError as error:
-                    self._lost(f"{self._config.device}: {error.strerror or error}")
-                finally:
-                    with contextlib.suppress(OSError):
-                        os.close(device)
+                self._listen_once()
+            except Exception:  # a thread that ends would stop nothing any more
+                log.exception("stop input %s failed; it is opened again", self.name)
             self._ended.wait(LOOK)
+
+    def _listen_once(self) -> None:
+        """Open the device, and listen until it is gone."""
+        try:
+            device = open_device(self._config)
+        except (OSError, ValueError) as error:
+            self._lost(f"{self._config.device}: {getattr(error, 'strerror', None) or error}")
+            return
+        try:
+            self._listen(device)
+        except OSError as error:
+            self._lost(f"{self._config.device}: {error.strerror or error}")
+        finally:
+            with contextlib.suppress(OSError):
+                os.close(device)
 
     def _listen(self, device: int) -> None:
         """Take heartbeats until the end; raises OSError for a device that is gone."""

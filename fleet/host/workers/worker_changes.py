@@ -90,8 +90,10 @@ class WorkerChanges:
         if manager := self._workers.get(worker):
             manager.replace(msgspec.json.encode(task_of(after, worker)))
 
-    async def change(self, worker: str, after: Loaded, *, force: bool) -> tuple[Outcome, str]:
+    async def change(self, worker: str, after: Loaded, *, force: bool, gone: str = "") -> tuple[Outcome, str]:
         """Start a worker with what is ``after``; return what came of it, and why it was not done.
+
+        A robot that is ``gone`` then is not waited for.
 
         PARTLY: it runs with it, but not all robots that answered before do, and another does not rest.
         """
@@ -99,7 +101,7 @@ class WorkerChanges:
         if manager is None:
             why = f"worker {worker} was started by hand: end it, and start it with the new file"
             return Outcome.REFUSED, why
-        answered = [robot for robot in self._of(worker) if robot.state().reachable]
+        answered = [robot for robot in self._of(worker) if robot.state().reachable and robot.name != gone]
         new = msgspec.json.encode(task_of(after, worker))
         old, started = manager.replace(new), manager.started
         refusal = await self.start_again(worker, force=force)

@@ -12,7 +12,11 @@ from fleet.host.edge import membership
 from fleet.host.process.robot_process import RobotProcess
 from fleet.host.process.stop_service import names_in, stop_everywhere
 from fleet.host.requests.stop_cause import local_cause
+from fleet.host.workers.worker_changes import WorkerChanges
+from fleet.missions.program import Act
 from fleet.model.change import ChangeKind, Outcome
+from fleet.model.command import Origin, Transport
+from tests.fleet.host import conftest
 from tests.fleet.host.edge.test_changes import GOTO, HERE, MISSION, Field, moves, running
 
 STOP_REX = b'["rex"]'
@@ -178,6 +182,32 @@ async def test_a_robot_with_a_new_name_waits_for_the_next_start_and_so_do_groups
     await field.until(lambda: field.state("rex").emergency_stop)
 
 
+async def test_nobody_may_start_a_mission_with_a_robot_that_is_not_known_or_does_not_accept_it(
+    yard_of_two, monkeypatch
+):
+    """It is asked while the robot is shown, before the change has ended."""
+    field, serve = yard_of_two, RobotProcess.serve
+    missions, refusals = field.edge.missions, {}
+    asker = Origin(Transport.CLOUD, "edge")
+
+    def asked_meanwhile(process, robot):
+        for name in ("ada", "nobody"):
+            refusals[name] = missions._refusal(name, asker, True, True)
+        refusals["follow"] = missions._ways.hindrance("rex", Act("follow", "ada"))
+        return serve(process, robot)
+
+    monkeypatch.setattr(RobotProcess, "serve", asked_meanwhile)
+    field.add("ada", accepts={"command": [], "navigate": []})
+    assert (await field.apply())["ada"].outcome is Outcome.DONE
+    assert refusals["ada"]
+    assert refusals["nobody"] == "nobody is no robot of this edge"
+    assert refusals["follow"] == ""
+    field.remove("ada")
+    assert (await field.apply())["ada"].outcome is Outcome.DONE
+    assert "ada" not in missions._policies
+    assert missions._refusal("ada", asker, True, True)
+
+
 async def test_a_stop_survives_that_a_robot_is_taken_out_and_added_again(yard_of_two):
     field = yard_of_two
     before = field.robots
@@ -336,3 +366,80 @@ async def test_a_robot_is_added_to_a_worker_and_taken_out_while_its_others_rest(
         assert sorted(field.names()) == ["arm", "rex"]
         await field.until(lambda: field.state("arm").health == "ok")
         assert field.place.words("rex") == ["run"]
+
+
+async def test_a_stop_while_a_shared_worker_does_not_let_go_of_a_robot_reaches_it(
+    yard, run_edge, asks, monkeypatch
+):
+    limbs = {"worker": "limbs"}
+    async with running(yard, run_edge, asks, arm=limbs, leg=limbs) as there:
+        field = Yard(there.place, there.edge, there.bus_session, asks)
+
+        async def refuses(_workers, _worker, adapter="", *, force):
+            assert not adapter
+            field.edge._stop_robots((), "stop input wall: no heartbeat")
+            return "leg, of the same worker, does not rest"
+
+        monkeypatch.setattr(WorkerChanges, "start_again", refuses)
+        field.remove("arm")
+        done = (await field.apply())["arm"]
+        assert (done.outcome, "does not rest" in done.why) == (Outcome.FAILED, True)
+        assert {state.name for state in field.edge.states() if state.emergency_stop} == {"arm", "leg"}
+
+
+async def test_a_robot_that_its_worker_runs_stays_though_another_does_not_answer(
+    yard, run_edge, asks, monkeypatch
+):
+    limbs = {"worker": "limbs"}
+    async with running(yard, run_edge, asks, rex=HERE, arm=limbs) as there:
+        field = Yard(there.place, there.edge, there.bus_session, asks)
+        change = WorkerChanges.change
+
+        async def partly(workers, worker, after, *, force, gone=""):
+            await change(workers, worker, after, force=force, gone=gone)
+            return Outcome.PARTLY, "arm did not answer"
+
+        monkeypatch.setattr(WorkerChanges, "change", partly)
+        field.add("leg", **limbs)
+        assert (await field.apply())["leg"].outcome is Outcome.DONE
+        assert sorted(field.names()) == ["arm", "leg", "rex"]
+        await field.until(lambda: field.state("leg").health == "ok")
+
+
+async def test_a_robot_whose_adapter_does_not_end_is_not_run_a_second_time(yard_of_two, monkeypatch):
+    field = yard_of_two
+    robot = field.edge.process.robots["rex"]
+
+    async def not_ended(process, robot):
+        trouble = await ended(process, robot)
+        assert not trouble
+        robot.runner.leftover = robot.runner
+        return "its adapter does not end"
+
+    ended = membership.ended
+    monkeypatch.setattr(membership, "ended", not_ended)
+    field.remove("rex")
+    done = (await field.apply())["rex"]
+    assert (done.outcome, "does not end" in done.why) == (Outcome.FAILED, True)
+    robot.runner.leftover = None
+    assert "rex" not in field.edge.process.runs.tasks
+    assert field.place.words("rex") == ["run"]
+
+
+async def test_a_robot_that_may_still_move_after_its_stop_is_not_forgotten(yard, run_edge, asks, monkeypatch):
+    toy = conftest.TOY.replace(
+        '        self.note("stop")\n',
+        """        self.note("stop")
+        raise fleet.TimedOut("it still moves at 3.0 m/s")
+""",
+        1,
+    )
+    monkeypatch.setattr(conftest, "TOY", toy)
+    async with running(yard, run_edge, asks, rex=HERE, max=HERE) as there:
+        field = Yard(there.place, there.edge, there.bus_session, asks)
+        await moves(field, "rex")
+        field.remove("rex")
+        done = (await field.apply(force=True))["rex"]
+        assert (done.outcome, "may still move" in done.why) == (Outcome.FAILED, True)
+        assert sorted(field.names()) == ["max", "rex"]
+        await field.until(lambda: field.place.words("rex").count("run") == 2)

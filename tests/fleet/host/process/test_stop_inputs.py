@@ -263,6 +263,19 @@ def test_a_lost_heartbeat_holds_and_stops_before_it_is_logged(blocked_log):
     assert done == [("hold", why), ("stop", why)]
 
 
+def test_an_input_whose_stop_fails_goes_on_to_listen_and_stops_again():
+    renewed = []
+
+    def fails(_why):
+        raise RuntimeError("dictionary changed size during iteration")
+
+    one = StopInput(CONFIG, stop=fails, hold=lambda: None, renew=renewed.append, clock=ManualClock())
+    one.start()
+    wait_until("the stop is set again", lambda: renewed)
+    one.end()
+    assert "/dev/null" in renewed[0]
+
+
 CONFIG = StopInputConfig(name="button", kind="serial", device="/dev/null", robots=("ground",))
 GROUPS = {"ground": ["max"]}
 
