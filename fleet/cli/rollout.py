@@ -17,7 +17,7 @@ from fleet.client.local_user import local_user
 from fleet.clock import SystemClock
 from fleet.host.logs.setup import LogSettings, start_logging
 from fleet.host.runtime.termination_signals import end_by_signal
-from fleet.rollout.accounts import server_users
+from fleet.rollout.accounts import server_accounts
 from fleet.rollout.agent import Agent
 from fleet.rollout.driver import Driver, RolloutMissing
 from fleet.rollout.edge_here import LocalEdge
@@ -140,7 +140,7 @@ def accounts(out: Output, edges: tuple[str, ...], *, operators: tuple[str, ...])
 
     An edge may read its own desired state and write its own observed state, nothing else.
     """
-    text = server_users(edges, operators)
+    text = server_accounts(edges, operators)
     out.data({"configuration": text})
     out.say(text)
 

@@ -10,7 +10,7 @@ import uuid
 
 import pytest
 
-from fleet.rollout.accounts import server_users
+from fleet.rollout.accounts import server_accounts
 from fleet.testing.waiting import wait_until
 from tests.tools.lease_service import lease_service
 
@@ -134,7 +134,7 @@ def site(tmp_path, runtime):
         pipe = subprocess.PIPE
         return subprocess.Popen(command, stdout=pipe, stderr=pipe, text=True, env=os.environ | own)
 
-    accounts = with_passwords(server_users(["yard"], ["operator"]), PASSWORDS)
+    accounts = with_passwords(server_accounts(["yard"], ["operator"]), PASSWORDS)
     store = tmp_path / "store"
     store.mkdir()
     with lease_service(store, accounts) as port:

@@ -13,7 +13,7 @@ def settings(place):
 
 def test_accounts_are_printed_for_the_configuration_of_the_server(fleet):
     printed = fleet("rollout", "accounts", "yard-1", "yard-2", "--operator", "alice").out
-    assert printed.startswith("authorization {")
+    assert printed.startswith("accounts {")
     assert printed.count('"user"') == 3
 
 

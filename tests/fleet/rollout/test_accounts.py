@@ -1,6 +1,8 @@
 """The accounts of a NATS server for roll-outs; that the server keeps to them is in test_nats_store."""
 
-from fleet.rollout.accounts import edge_permissions, server_users
+import pytest
+
+from fleet.rollout.accounts import AccountsError, edge_permissions, server_accounts
 
 
 def test_an_edge_may_name_no_subject_of_another_edge():
@@ -10,6 +12,19 @@ def test_an_edge_may_name_no_subject_of_another_edge():
     assert shared == ["$JS.API.DIRECT.GET.KV_fleet_bundles.$KV.fleet_bundles.*.*"]
 
 
-def test_each_edge_and_operator_has_a_user():
-    text = server_users(["yard-1", "yard-2"], ["alice"])
+def test_each_edge_and_operator_has_a_user_and_each_edge_an_account():
+    text = server_accounts(["yard-1", "yard-2"], ["alice"])
     assert [text.count(f'"user":"{name}"') for name in ("yard-1", "yard-2", "alice")] == [1, 1, 1]
+    assert [text.count(f'"FLEET_EDGE_{name}": {{') for name in ("yard-1", "yard-2")] == [1, 1]
+
+
+@pytest.mark.parametrize("name", ["*", ">", "yard.>", 'a"', "yard 1", "", "Yard"])
+def test_what_is_no_name_of_an_edge_is_refused(name):
+    with pytest.raises(AccountsError, match="no name of an edge"):
+        server_accounts([name], ["alice"])
+
+
+@pytest.mark.parametrize(("edges", "operators"), [(["a", "a"], []), (["a"], ["a"]), ([], ["a", "a"])])
+def test_a_name_that_stands_twice_is_refused(edges, operators):
+    with pytest.raises(AccountsError, match="a is named twice"):
+        server_accounts(edges, operators)

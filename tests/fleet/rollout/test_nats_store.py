@@ -9,7 +9,7 @@ import pytest
 from fleet.clock import SystemClock
 from fleet.config.certificates import Identity, issue_pair, make_authority
 from fleet.errors import StateError
-from fleet.rollout.accounts import server_users
+from fleet.rollout.accounts import server_accounts
 from fleet.rollout.agent import Agent
 from fleet.rollout.bundle import LARGEST, BundleError, sealed
 from fleet.rollout.decision import Record
@@ -80,7 +80,7 @@ def server(tmp_path_factory):
         authority.issue(name)
     other.issue("yard-1")
     authority.issue("late", NOW - timedelta(days=1))
-    users = server_users(["yard-1", "yard-2", "late"], ["alice"])
+    users = server_accounts(["yard-1", "yard-2", "late"], ["alice"])
     with lease_service(folder, TLS.format(folder=authority.folder) + users) as port:
         yield Server(port, authority, other)
 
@@ -184,6 +184,42 @@ TOO_MUCH = [
     write_the_roll_out,
     make_a_consumer,
 ]
+
+
+LED_AWAY = {
+    "its own desired state over another's": (
+        "$JS.API.DIRECT.GET.KV_fleet_desired.$KV.fleet_desired.yard-1",
+        "$KV.fleet_desired.yard-2",
+    ),
+    "a confirmation over another's desired state": ("$KV.fleet_observed.yard-1", "$KV.fleet_desired.yard-2"),
+    "a confirmation over its own desired state": ("$KV.fleet_observed.yard-1", "$KV.fleet_desired.yard-1"),
+    "a confirmation over the roll-out": ("$KV.fleet_observed.yard-1", "$KV.fleet_rollouts.current"),
+    "a confirmation as a purge": ("$KV.fleet_observed.yard-1", "$JS.API.STREAM.PURGE.KV_fleet_desired"),
+}
+
+
+@pytest.mark.parametrize("how", LED_AWAY)
+async def test_the_answer_to_an_edge_cannot_be_led_to_what_it_may_not_write(server, fleet, edge, how):
+    request, reply = LED_AWAY[how]
+    mine, others = Desired("r1", ADDRESS, 1), Desired("r1", "b" * 64, 1)
+    await fleet.desire("yard-1", mine)
+    await fleet.desire("yard-2", others)
+    _, revision = await fleet.rollout()
+    rollout = rollout_of({"yard-1": ADDRESS})
+    revision = await fleet.keep(rollout, revision)
+    connection = Connection(server.settings("yard-1"), "yard-1")
+    stream = await connection.ready()
+    await stream._nc.publish(request, b"{}", reply=reply)
+    await stream._nc.flush()
+    await edge.report(Observed("yard-1", "r1", ADDRESS, Stage.DONE))  # answered after what was led away
+    await connection.close()
+    second = NatsEdgeStore(server.settings("yard-2"), "yard-2")
+    try:
+        assert await second.desired() == others
+    finally:
+        await second.close()
+    assert await edge.desired() == mine
+    assert await fleet.rollout() == (rollout, revision)
 
 
 @pytest.mark.parametrize("attempt", TOO_MUCH, ids=lambda attempt: attempt.__name__)
