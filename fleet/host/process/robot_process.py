@@ -174,6 +174,8 @@ class RobotProcess:
         for robot in self.robots.values():
             self._show(robot)
         self._setpoints.start(self.robots.values())
+        for robot in self.robots.values():
+            self._served[robot.name].callback(self._setpoints.follow(robot))
         self.scheduler.every(STATE_EVERY, self._look_at_processor)
         self.claims.start()
         self.scheduler.at_end(self.outbox.flushing)
@@ -194,8 +196,7 @@ class RobotProcess:
         """Show a robot that was added, and run it once its twin is ours."""
         self._show(robot)
         self._setpoints.add(robot)
-        here = {each.twin: each for each in self.robots.values()}
-        self._served[robot.name].callback(self._setpoints.follow(robot, here))
+        self._served[robot.name].callback(self._setpoints.follow(robot))
         self.claims.begin(robot.twin)
         self.runs.resume(robot)
 

@@ -10,7 +10,7 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Collection
 
 from fleet.bus.zenoh_session import ZenohSession
 from fleet.errors import WireError
@@ -31,6 +31,7 @@ class Setpoints:
     def __init__(self, reports: ZenohSession, loop: asyncio.AbstractEventLoop) -> None:
         self._reports, self._loop = reports, loop
         self._calls: dict[Kind, dict[str, Callable[[bytes], None]]] = {kind: {} for kind in _KEYS}
+        self._followers: dict[str, list[Callable[[JointReport], object]]] = {}  # by the twin of their leader
 
     def start(self, robots: Collection[LocalRobot]) -> None:
         """Begin to take it, for these robots and those that are added later."""
@@ -38,33 +39,36 @@ class Setpoints:
             self.add(robot)
         for kind, channel in _KEYS.items():
             self._reports.subscribe_many(_key("*", channel), self._calls[kind])
-        here = {robot.twin: robot for robot in robots}
-        for robot in robots:
-            self.follow(robot, here)
 
     def add(self, robot: LocalRobot) -> None:
-        """Take what is published for a robot."""
+        """Take what is published for a robot, and have it tell those of this process that follow it."""
+        robot.controller.joints.followers = self._followers.setdefault(robot.twin, [])
         for kind, channel in _KEYS.items():
             self._calls[kind][_key(robot.twin, channel)] = taker(robot, kind, self._loop)
 
     def remove(self, robot: LocalRobot) -> None:
-        """Take it no more, unless a robot of another name has the twin by now."""
+        """Take it no more."""
         for kind, channel in _KEYS.items():
             self._calls[kind].pop(_key(robot.twin, channel), None)
 
-    def follow(self, robot: LocalRobot, here: Mapping[str, LocalRobot]) -> Callable[[], None]:
-        """Tell a robot where its leader is, if it has one; ``here`` are this process's robots by twin.
+    def follow(self, robot: LocalRobot) -> Callable[[], None]:
+        """Tell a robot where its leader is, if it has one; the leader may come later, here or elsewhere.
 
         Returns what ends it.
         """
-        leader = str(robot.config.follows)
-        if leader in here:  # reports do not come back to the session that says them
-            followers, follower = here[leader].controller.joints.followers, _beside(robot, self._loop)
-            followers.append(follower)
-            return lambda: followers.remove(follower)
         if robot.config.follows is None:
             return lambda: None
-        return self._reports.subscribe_many(*_followed(robot, leader, self._loop))
+        leader = str(robot.config.follows)
+        unsubscribe = self._reports.subscribe_many(*_followed(robot, leader, self._loop))
+        # Reports do not come back to the session that says them.
+        followers, follower = self._followers.setdefault(leader, []), _beside(robot, self._loop)
+        followers.append(follower)
+
+        def end() -> None:
+            followers.remove(follower)
+            unsubscribe()
+
+        return end
 
 
 def taker(robot: LocalRobot, kind: Kind, loop: asyncio.AbstractEventLoop) -> Callable[[bytes], None]:
