@@ -239,4 +239,6 @@ def _headline(found: Rollout) -> str:
     done, failed = progress.count(Told.DONE), progress.count(Told.FAILED)
     words = f"roll-out {found.id} of {found.by}: {progress.phase.value}"
     words += f", {len(progress.told)} of {len(found.targets)} edges told, {done} done, {failed} failed"
+    if overdue := progress.count(Told.OVERDUE):
+        words += f", {overdue} overdue"
     return f"{words}: {progress.why}" if progress.why else words

@@ -7,7 +7,7 @@ were told go on, no other is told until it is driven again.
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from typing import Any
 
 import msgspec
@@ -82,6 +82,8 @@ class Driver:
             raise RolloutRunning(
                 f"roll-out {before.id} of {before.by} is under way: fleet rollout resume, or abort"
             )
+        if before is not None:
+            await self._withdraw(before, before.progress.not_done())
         await self._store.keep(rollout, revision)
 
     async def drive(self) -> Rollout:
@@ -104,10 +106,12 @@ class Driver:
         return await self._advance(rollout, progress, revision), observed
 
     async def abort(self, by: str) -> Rollout:
-        """End the roll-out: no other edge is told, and edges that are not done go back."""
+        """End the roll-out: no other edge is told, and edges that are not done go back.
+
+        One that has ended stays as it ended, and its edges are told again: whoever ended it may have been cut
+        off before.
+        """
         rollout, revision = await self._stored()
-        if rollout.progress.phase is not Phase.RUNNING:
-            return rollout
         return await self._advance(rollout, aborted(rollout.progress, f"aborted by {by}"), revision)
 
     async def _stored(self) -> tuple[Rollout, int]:
@@ -122,13 +126,22 @@ class Driver:
         rollout: Rollout = msgspec.structs.replace(before, progress=progress)
         if progress != before.progress:
             await self._store.keep(rollout, revision)
-        over = progress.phase in (Phase.STOPPED, Phase.ABORTED)
+        over = progress.phase is not Phase.RUNNING
         for edge, state in progress.told.items():
-            news = edge not in before.progress.told or over or not self._told
-            if state is Told.OPEN and news:
-                await self._store.desire(edge, self._desired(rollout, edge, withdrawn=over))
+            news = state is not before.progress.told.get(edge) or not self._told
+            if state is Told.OPEN and news and not over:
+                await self._store.desire(edge, self._desired(rollout, edge, withdrawn=False))
+            elif state is Told.OVERDUE and news and not over:
+                await self._withdraw(rollout, [edge])
+        if over:
+            await self._withdraw(rollout, progress.not_done())
         self._told = True
         return rollout
+
+    async def _withdraw(self, rollout: Rollout, edges: Iterable[str]) -> None:
+        """Tell edges that they shall no longer take their bundle, also those that are silent."""
+        for edge in edges:
+            await self._store.desire(edge, self._desired(rollout, edge, withdrawn=True))
 
     def _desired(self, rollout: Rollout, edge: str, *, withdrawn: bool) -> Desired:
         """Return what an edge shall run."""

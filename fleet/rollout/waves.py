@@ -55,6 +55,7 @@ class Told(StrEnum):
     OPEN = "open"
     DONE = "done"
     FAILED = "failed"
+    OVERDUE = "overdue"  # it had not settled in time; it may still have the bundle before it, or in part
 
 
 class Limit(msgspec.Struct, frozen=True):
@@ -71,7 +72,8 @@ class Limit(msgspec.Struct, frozen=True):
 class Plan(msgspec.Struct, frozen=True):
     """How a roll-out goes: its edges in order, where each wave ends, the limit.
 
-    At most ``parallel`` edges change at a time; one that has not settled ``within`` seconds has failed.
+    At most ``parallel`` edges change at a time; one that has not settled ``within`` seconds is
+    overdue, which counts as a failure.
     """
 
     edges: tuple[str, ...]
@@ -92,6 +94,10 @@ class Progress(msgspec.Struct, frozen=True):
     def count(self, what: Told) -> int:
         """Return how many of the edges that were told are so."""
         return sum(each is what for each in self.told.values())
+
+    def not_done(self) -> list[str]:
+        """Return the edges that were told and are not done."""
+        return [edge for edge, each in self.told.items() if each is not Told.DONE]
 
 
 def wave_ends(text: str, edges: int) -> tuple[int, ...]:
@@ -131,7 +137,7 @@ def step(plan: Plan, progress: Progress, seen: Mapping[str, Told], now: float) -
         return progress
     told = {name: _state(plan, progress, name, seen, now) for name in progress.told}
     progress = msgspec.structs.replace(progress, told=told)
-    failed = progress.count(Told.FAILED)
+    failed = progress.count(Told.FAILED) + progress.count(Told.OVERDUE)
     if plan.limit.is_exceeded(failed, len(told)):
         why = f"{failed} of {len(told)} edges failed: {', '.join(_failed(plan, told)[:5])}"
         return _moved(progress, Event.TOO_MANY_FAILED, why)
@@ -163,12 +169,12 @@ def _state(plan: Plan, progress: Progress, name: str, seen: Mapping[str, Told], 
         return before
     found = seen.get(name, Told.OPEN)
     overdue = now - progress.since[name] > plan.within
-    return Told.FAILED if found is Told.OPEN and overdue else found
+    return Told.OVERDUE if found is Told.OPEN and overdue else found
 
 
 def _failed(plan: Plan, told: Mapping[str, Told]) -> list[str]:
-    """Return the edges that failed, in order."""
-    return [name for name in plan.edges if told.get(name) is Told.FAILED]
+    """Return the edges that failed or are overdue, in order."""
+    return [name for name in plan.edges if told.get(name) in (Told.FAILED, Told.OVERDUE)]
 
 
 def _next(plan: Plan, told: Mapping[str, Told]) -> tuple[str, ...]:

@@ -149,6 +149,49 @@ async def test_a_wave_waits_for_a_robot_in_flight_until_its_time_is_over(fleet):
     assert (progress.phase, list(progress.told)) == (Phase.STOPPED, ["edge-000"])
 
 
+async def test_an_edge_that_comes_back_after_its_time_takes_nothing(fleet):
+    agent, here = fleet.edges.pop("edge-000")
+    fleet.store.observed_of.pop("edge-000", None)
+    await fleet.driver.begin(rollout_of(dict.fromkeys(EDGES, fleet.new), within=30.0))
+    progress = (await fleet.driver.drive()).progress
+    assert (progress.phase, progress.told) == (Phase.STOPPED, {"edge-000": Told.OVERDUE})
+    await agent.turn()
+    assert (agent.record.running, here.applied) == (fleet.old, [])
+
+
+async def test_an_overdue_edge_goes_back_while_the_roll_out_goes_on(fleet):
+    fleet.fails(["edge-000"], outcomes=[Applied(waits="rex: it is armed")] * 35)
+    progress = await fleet.roll_out(within=30.0, stop_if="failed > 5")
+    await fleet.settle()
+    assert (progress.phase, progress.told["edge-000"]) == (Phase.COMPLETED, Told.OVERDUE)
+    assert fleet.running()["edge-000"] == "old"
+    assert fleet.edges["edge-000"][0].record.stage is Stage.WITHDRAWN
+
+
+@pytest.mark.parametrize("how", ["it is aborted again", "another one begins"])
+async def test_edges_are_told_again_of_an_end_that_was_cut_off(fleet, how):
+    fleet.fails(EDGES, outcomes=[Applied(waits="rex: it is armed")])
+    await fleet.begin(waves="10,100%")
+    await fleet.driver.turn()
+    await fleet.sleep(1.0)
+    desire = fleet.store.desire
+
+    async def cut_off(edge, desired):
+        raise Detached
+
+    fleet.store.desire = cut_off
+    with pytest.raises(Detached):
+        await fleet.driven().abort("bob")
+    fleet.store.desire = desire
+    if how == "it is aborted again":
+        assert (await fleet.driven().abort("eve")).progress.why == "aborted by bob"
+    else:
+        other = rollout_of({"edge-099": fleet.new})
+        await fleet.driven().begin(msgspec.structs.replace(other, id="r2"))
+    await fleet.settle()
+    assert set(fleet.running().values()) == {"old"}
+
+
 class Detached(Exception):
     """Ctrl-C."""
 

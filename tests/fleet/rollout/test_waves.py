@@ -99,11 +99,12 @@ def test_one_failure_in_the_last_wave_stops_before_most_edges_are_told():
     assert len(progress.told) <= 15
 
 
-def test_a_silent_edge_has_failed_after_its_time():
+def test_a_silent_edge_is_overdue_after_its_time_and_counts_as_failed():
     plan = plan_of(3, waves="100%", stop_if="failed > 0")
     progress, _ = run(plan, silent={"edge-001"})
     assert progress.phase is Phase.STOPPED
-    assert progress.told["edge-001"] is Told.FAILED
+    assert progress.told["edge-001"] is Told.OVERDUE
+    assert progress.why == "1 of 3 edges failed: edge-001"
 
 
 def test_a_roll_out_that_was_aborted_tells_nobody_any_more():
@@ -148,7 +149,8 @@ def holds(plan, before, progress):
     settled = {name: state for name, state in before.told.items() if state is not Told.OPEN}
     assert settled.items() <= progress.told.items(), "an edge that has settled stays so"
     assert not new or progress.count(Told.OPEN) <= plan.parallel
-    exceeded = plan.limit.is_exceeded(progress.count(Told.FAILED), len(told) - len(new))
+    failed = progress.count(Told.FAILED) + progress.count(Told.OVERDUE)
+        exceeded = plan.limit.is_exceeded(failed, len(told) - len(new))
     assert exceeded == (progress.phase is Phase.STOPPED)
     assert not (new and exceeded)
     waves = [sum(end <= plan.edges.index(name) for end in plan.ends) for name in told]
