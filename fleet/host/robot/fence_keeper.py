@@ -61,9 +61,13 @@ class FenceKeeper:
         return bool(self.trouble) and not before
 
     def leads_out(self, velocity: Velocity) -> bool:
-        """Return whether a body velocity leads a robot out of the fence, where both are known."""
-        known = self.fence is not None and self._place.pose is not None
-        return known and self.inside(velocity) != velocity
+        """Return whether a body velocity leads a robot out of the fence, or may: its pose is too old."""
+        if self.fence is None or self._place.pose is None:
+            return False
+        try:
+            return self.inside(velocity) != velocity
+        except Refused:
+            return True
 
     def inside(self, velocity: Velocity) -> Velocity:
         """Return the part of a body velocity that keeps the fence; raises Refused while that is unknown."""

@@ -87,3 +87,12 @@ def test_a_robot_is_out_of_no_fence_once_that_is_taken_away(place):
     fencing.configure(None, NO_LIMITS)
     assert fencing.trouble == ""
     assert fencing.inside(EAST) == EAST
+
+
+def test_a_velocity_that_is_held_while_the_pose_is_too_old_may_lead_out(place, clock):
+    fencing = FenceKeeper(place, YARD, NO_LIMITS)
+    stands(place, 0.0)
+    assert not fencing.leads_out(EAST)
+    clock.advance(STALE + 0.1)
+    assert fencing.leads_out(EAST)
+    assert not fencing.leads_out(Velocity())
