@@ -150,7 +150,7 @@ def holds(plan, before, progress):
     assert settled.items() <= progress.told.items(), "an edge that has settled stays so"
     assert not new or progress.count(Told.OPEN) <= plan.parallel
     failed = progress.count(Told.FAILED) + progress.count(Told.OVERDUE)
-        exceeded = plan.limit.is_exceeded(failed, len(told) - len(new))
+    exceeded = plan.limit.is_exceeded(failed, len(told) - len(new))
     assert exceeded == (progress.phase is Phase.STOPPED)
     assert not (new and exceeded)
     waves = [sum(end <= plan.edges.index(name) for end in plan.ends) for name in told]
