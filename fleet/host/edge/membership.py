@@ -8,6 +8,8 @@ from __future__ import annotations
 
 import asyncio
 import logging
+from collections.abc import Callable
+from functools import partial
 
 import msgspec
 
@@ -70,14 +72,13 @@ class Followers:
             self._presence.leave_words()
 
     def leave(self, robot: LocalRobot | RemoteRobot) -> None:
-        """Have a robot no more, whose run has ended."""
-        self._stop_inputs.leave(robot.name)
-        self._missions.leave(robot.name)
-        self._notifier.leave(robot.twin)
-        self._cloud_claims.leave(robot.twin)
+        """Have a robot no more, whose run has ended; what fails keeps no other part from it."""
+        name, twin = robot.name, robot.twin
+        parts: list[Callable[[], None]] = [partial(self._missions.leave, name)]
+        parts += [partial(part.leave, twin) for part in (self._notifier, self._cloud_claims)]
         if self._bridge is not None and self._presence is not None:
-            self._bridge.leave(robot.twin)
-            self._presence.leave_words()
+            parts += [partial(self._bridge.leave, twin), self._presence.leave_words]
+        let_go(name, partial(self._stop_inputs.leave, name), *parts)
 
     def runs_with(self, robot: str) -> list[str]:
         """Return the runs of missions that a robot is in."""
@@ -186,14 +187,12 @@ class Membership:
 
     def _let_go(self, robot: LocalRobot) -> None:
         """Forget a robot everywhere."""
-        self._followers.leave(robot)
-        self._process.drop(robot)
-        self._process.give_up(robot.twin)
+        drop, give_up = partial(self._process.drop, robot), partial(self._process.give_up, robot.twin)
+        let_go(robot.name, partial(self._followers.leave, robot), drop, give_up)
 
     def _let_go_elsewhere(self, robot: RemoteRobot) -> None:
         """Forget a robot of a worker everywhere."""
-        self._followers.leave(robot)
-        self._workers.forget(robot)
+        let_go(robot.name, partial(self._followers.leave, robot), partial(self._workers.forget, robot))
 
     async def leaves_runs(self, robot: LocalRobot | RemoteRobot) -> str:
         """Take a robot out of the runs of missions; return which does not let go of it."""
@@ -205,6 +204,15 @@ class Membership:
         if await seen(lambda: not self._followers.runs_with(robot.name), LEAVES_WITHIN):
             return ""
         return f"run {', '.join(self._followers.runs_with(robot.name))} goes by it: abort that first"
+
+
+def let_go(name: str, *parts: Callable[[], None]) -> None:
+    """Have every part forget a robot that is not run any more; one that fails keeps no other from it."""
+    for part in parts:
+        try:
+            part()
+        except Exception:
+            log.exception("a part of %s is left behind until the edge is started again", name)
 
 
 def _spec_of(loaded: Loaded, name: str) -> RobotSpec:

@@ -41,10 +41,10 @@ class WorkerMembership:
     async def add(self, name: str, running: Loaded, new: Loaded, join: Callable[[RemoteRobot], None]) -> str:
         """Add a robot of a new file; ``join`` has the rest of the edge know it before it is run."""
         config, plugin = next((robot, plugin) for robot, plugin in new.robots if robot.name == name)
-        robot = self._remote.add(config, plugin)
-        if self._process.traffic is not None:
-            self._process.traffic.expect(name)
         try:
+            robot = self._remote.add(config, plugin)
+            if self._process.traffic is not None:
+                self._process.traffic.expect(name)
             join(robot)
             self._process.claims.begin(robot.twin)
             return await self._started(robot, worker_of(config, plugin), with_robot(running, new, name))

@@ -204,14 +204,13 @@ class RobotProcess:
         """Let go of a robot whose run has ended, or that was never served; its twin stays claimed."""
         self.robots.pop(robot.name, None)
         self.runs.forget(robot)
-        if served := self._served.pop(robot.name, None):
-            served.close()
-        for watched in (robot.name, f"{robot.name} joints"):
-            self.watchdog.remove(watched)
-        self.scheduler.end(robot.name)
-        self.outbox.drop(robot.twin)
-        if self.traffic is not None:
-            self.traffic.leave(robot.name)
+        with self._served.pop(robot.name, contextlib.ExitStack()):  # last, since it may fail
+            for watched in (robot.name, f"{robot.name} joints"):
+                self.watchdog.remove(watched)
+            self.scheduler.end(robot.name)
+            self.outbox.drop(robot.twin)
+            if self.traffic is not None:
+                self.traffic.leave(robot.name)
 
     def give_up(self, twin: str) -> None:
         """Claim a twin no more that no robot has."""

@@ -351,7 +351,7 @@ class Worker:
 async def changed(worker, monkeypatch):
     monkeypatch.setattr(worker_changes, "BACK_WITHIN", 0.1)
     monkeypatch.setattr(worker_changes, "task_of", lambda after, _worker: msgspec.Raw(after))
-    robot = SimpleNamespace(worker="limbs", state=worker.state)
+    robot = SimpleNamespace(name="arm", worker="limbs", state=worker.state)
     workers = WorkerChanges("edge", worker, {"limbs": worker}, {"arm": robot})
     return await workers.change("limbs", b"new", force=False)
 

@@ -4,7 +4,6 @@ import asyncio
 import json
 import uuid
 
-import psutil
 import pytest
 
 from fleet.bus import keys
@@ -12,7 +11,6 @@ from fleet.host.edge import membership
 from fleet.host.process.robot_process import RobotProcess
 from fleet.host.process.stop_service import names_in, stop_everywhere
 from fleet.host.requests.stop_cause import local_cause
-from fleet.host.workers.worker_changes import WorkerChanges
 from fleet.missions.program import Act
 from fleet.model.change import ChangeKind, Outcome
 from fleet.model.command import Origin, Transport
@@ -127,6 +125,32 @@ async def test_a_robot_is_taken_out_and_nothing_of_it_is_left(yard_of_two):
     ]
     assert await asyncio.to_thread(ask, keys.claims(twin), timeout=10) == []
     assert (await field.ask()).same
+
+
+@pytest.mark.parametrize(
+    "part", ["missions.leave", "process.give_up", "_notifier.leave", "cloud_claims.leave"]
+)
+async def test_a_part_that_does_not_let_go_of_a_robot_keeps_no_other_from_it(
+    yard_of_two, monkeypatch, caplog, part
+):
+    """The robot is not run any more: half of it must not stay."""
+    field = yard_of_two
+    before = field.robots
+    name, _, method = part.partition(".")
+
+    def fails(*_):
+        raise RuntimeError("no room")
+
+    monkeypatch.setattr(getattr(field.edge, name), method, fails)
+    field.remove("rex")
+    assert (await field.apply())["rex"].outcome is Outcome.DONE
+    assert "a part of rex is left behind" in caplog.text
+    assert field.names() == ["max"]
+    assert "rex" not in field.edge._stop_inputs._here
+    monkeypatch.undo()
+    field.put(before)
+    assert (await field.apply())["rex"].outcome is Outcome.DONE
+    await field.until(lambda: field.state("rex").health == "ok")
 
 
 async def test_a_robot_that_moves_is_not_taken_out_unless_forced_and_is_halted_first(yard_of_two):
@@ -325,85 +349,6 @@ async def test_a_robot_that_is_driven_goes_on_while_others_come_and_go(yard_of_t
     assert field.place.words("max") == ["run", "navigate"]
     assert field.edge.process.robots["max"].controller.in_motion
     assert (await field.say("max", GOTO | {"action_id": "a2"}, "navigate")).ok
-
-
-async def test_a_robot_in_a_process_of_its_own_comes_and_goes_with_it(yard_of_two):
-    field = yard_of_two
-    field.add("arm", worker="limbs")
-    done = await field.apply()
-    assert done["arm"].outcome is Outcome.DONE, done["arm"].why
-    await field.until(lambda: field.state("arm").health == "ok")
-    assert (await field.say("arm", {"command": "walk"})).ok
-    (process,) = set(field.place.processes("arm"))
-    await field.stop(b'["arm"]')
-    await field.until(lambda: field.state("arm").emergency_stop)
-    field.remove("arm")
-    assert (await field.apply())["arm"].outcome is Outcome.DONE
-    assert sorted(field.names()) == ["max", "rex"]
-    assert field.edge._workers.managers == {}
-    assert not psutil.pid_exists(process)
-    assert [field.place.words(name) for name in ("rex", "max")] == [["run"], ["run"]]
-    assert (await field.ask()).same
-
-
-async def test_a_robot_is_added_to_a_worker_and_taken_out_while_its_others_rest(yard, run_edge, asks):
-    limbs = {"worker": "limbs"}
-    async with running(yard, run_edge, asks, rex=HERE, arm=limbs) as there:
-        field = Yard(there.place, there.edge, there.bus_session, asks)
-        await moves(field, "arm")
-        field.add("leg", **limbs)
-        done = (await field.apply())["leg"]
-        assert (done.outcome, "arm is commanded" in done.why) == (Outcome.FAILED, True)
-        assert sorted(field.names()) == ["arm", "rex"]
-        assert field.place.words("arm") == ["run", "navigate"]
-        assert (await field.say("arm", {"command": "stop"})).ok
-        await field.until(lambda: field.state("arm").activity == "")
-        assert (await field.apply())["leg"].outcome is Outcome.DONE
-        await field.until(lambda: field.state("leg").health == "ok")
-        await field.until(lambda: field.state("arm").health == "ok")
-        field.remove("leg")
-        assert (await field.apply())["leg"].outcome is Outcome.DONE
-        assert sorted(field.names()) == ["arm", "rex"]
-        await field.until(lambda: field.state("arm").health == "ok")
-        assert field.place.words("rex") == ["run"]
-
-
-async def test_a_stop_while_a_shared_worker_does_not_let_go_of_a_robot_reaches_it(
-    yard, run_edge, asks, monkeypatch
-):
-    limbs = {"worker": "limbs"}
-    async with running(yard, run_edge, asks, arm=limbs, leg=limbs) as there:
-        field = Yard(there.place, there.edge, there.bus_session, asks)
-
-        async def refuses(_workers, _worker, adapter="", *, force):
-            assert not adapter
-            field.edge._stop_robots((), "stop input wall: no heartbeat")
-            return "leg, of the same worker, does not rest"
-
-        monkeypatch.setattr(WorkerChanges, "start_again", refuses)
-        field.remove("arm")
-        done = (await field.apply())["arm"]
-        assert (done.outcome, "does not rest" in done.why) == (Outcome.FAILED, True)
-        assert {state.name for state in field.edge.states() if state.emergency_stop} == {"arm", "leg"}
-
-
-async def test_a_robot_that_its_worker_runs_stays_though_another_does_not_answer(
-    yard, run_edge, asks, monkeypatch
-):
-    limbs = {"worker": "limbs"}
-    async with running(yard, run_edge, asks, rex=HERE, arm=limbs) as there:
-        field = Yard(there.place, there.edge, there.bus_session, asks)
-        change = WorkerChanges.change
-
-        async def partly(workers, worker, after, *, force, gone=""):
-            await change(workers, worker, after, force=force, gone=gone)
-            return Outcome.PARTLY, "arm did not answer"
-
-        monkeypatch.setattr(WorkerChanges, "change", partly)
-        field.add("leg", **limbs)
-        assert (await field.apply())["leg"].outcome is Outcome.DONE
-        assert sorted(field.names()) == ["arm", "leg", "rex"]
-        await field.until(lambda: field.state("leg").health == "ok")
 
 
 async def test_a_robot_whose_adapter_does_not_end_is_not_run_a_second_time(yard_of_two, monkeypatch):
