@@ -92,8 +92,11 @@ class Changes:
         self._under_way: asyncio.Task[None] | None = None
 
     def declare(self, control: ZenohSession) -> None:
-        """Take what is asked on the bus."""
-        control.answer(keys.changes(self._process.edge), self._asked)
+        """Take what is asked on the bus, whose thread hands it to the loop."""
+        loop = self._process.loop
+        control.answer(
+            keys.changes(self._process.edge), lambda asked: loop.call_soon_threadsafe(self._begin, asked)
+        )
 
     async def begin(self) -> None:
         """Write what the edge runs with to its disk."""
@@ -104,10 +107,6 @@ class Changes:
         if self._under_way is not None:
             self._under_way.cancel()
             await asyncio.wait({self._under_way})
-
-    def _asked(self, question: Query) -> None:
-        """Take a question; on the bus's thread."""
-        self._process.loop.call_soon_threadsafe(self._begin, question)
 
     def _begin(self, question: Query) -> None:
         """Answer one question at a time."""
