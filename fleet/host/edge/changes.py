@@ -94,9 +94,11 @@ class Changes:
     def declare(self, control: ZenohSession) -> None:
         """Take what is asked on the bus, whose thread hands it to the loop."""
         loop = self._process.loop
-        control.answer(
-            keys.changes(self._process.edge), lambda asked: loop.call_soon_threadsafe(self._begin, asked)
-        )
+
+        def asked(question: Query) -> None:
+            loop.call_soon_threadsafe(self._begin, question)
+
+        control.answer(keys.changes(self._process.edge), asked)
 
     async def begin(self) -> None:
         """Write what the edge runs with to its disk."""
