@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from pathlib import Path
 
 import msgspec
+from cryptography.exceptions import UnsupportedAlgorithm
+from cryptography.hazmat.primitives.serialization import load_der_private_key
+from pydantic import BaseModel
 
 from fleet.config.masking import MASK, Masking
 from fleet.config.schema import Sections
@@ -13,13 +17,21 @@ from fleet.config.yaml import SECRETS, Document
 
 LARGEST = 16 << 20  # bytes of one file of the configuration
 _PRIVATE = b"PRIVATE KEY"
+_LARGEST_KEY = 64 << 10  # bytes
+_DER = b"\x30"  # the first byte of every key in this form
+_KEY_FIELDS, _PEOPLE_FIELD = ("key", "private_key"), "people"
 
 
 class Configuration(msgspec.Struct):
-    """The files of the configuration, by their path below the folder of the fleet file."""
+    """The files of the configuration, by their path below the folder of the fleet file.
+
+    ``keys`` are private keys, and ``telling`` files with the value of a secret in them; of both, only the
+    names are here.
+    """
 
     files: dict[str, bytes] = {}
     keys: list[str] = []
+    telling: list[str] = []
     masked: list[str] = []
     left_out: list[str] = []
 
@@ -37,13 +49,47 @@ def collect(file: Path, document: Document, config: Sections, masking: Masking) 
     named = [
         file.parent / text for text in texts_in(document.data) if 0 < len(text) < 1024 and "\0" not in text
     ]
-    for path in (*plugins, *named):
-        _add(path, file.parent, found)
+    people = {path.resolve() for path in _paths(config, (_PEOPLE_FIELD,))}
+    keys = {path.resolve() for path in _paths(config, _KEY_FIELDS)}
+    for path in dict.fromkeys((*plugins, *named)):
+        if path.resolve() in people:
+            found.left_out.append(f"{path}: it says who may log in here")
+        else:
+            _add(path, file.parent, found, masking, is_key=path.resolve() in keys)
     return found
 
 
-def _add(path: Path, folder: Path, found: Configuration) -> None:
-    """Add a file that fleet.yaml names; of a private key and of secrets.yaml only the name."""
+def _paths(value: object, fields: tuple[str, ...]) -> Iterator[Path]:
+    """Yield the paths that stand in fields of these names."""
+    if isinstance(value, BaseModel):
+        for name in type(value).model_fields:
+            found = getattr(value, name)
+            if isinstance(found, Path) and name in fields:
+                yield found
+            else:
+                yield from _paths(found, fields)
+    elif isinstance(value, list | tuple):
+        for each in value:
+            yield from _paths(each, fields)
+
+
+def _is_private_key(content: bytes) -> bool:
+    """Return whether a file is a private key, as PEM or DER, also with a password."""
+    if _PRIVATE in content:
+        return True
+    if not content.startswith(_DER) or len(content) > _LARGEST_KEY:
+        return False
+    try:
+        load_der_private_key(content, None)
+    except TypeError:  # it needs its password
+        return True
+    except (ValueError, UnsupportedAlgorithm):
+        return False
+    return True
+
+
+def _add(path: Path, folder: Path, found: Configuration, masking: Masking, *, is_key: bool) -> None:
+    """Add a file that fleet.yaml names; of a private key and of what tells a secret only the name."""
     try:
         if not path.is_file():
             return
@@ -54,8 +100,10 @@ def _add(path: Path, folder: Path, found: Configuration) -> None:
     except OSError as error:
         found.left_out.append(f"{path}: {error.strerror}")
         return
-    if _PRIVATE in content:
+    if is_key or _is_private_key(content):
         found.keys.append(inside)
+    elif masking.finds(content):
+        found.telling.append(inside)
     elif content:
         found.files[inside] = content
     else:

@@ -50,7 +50,8 @@ def pack(file: Path, config: Sections, state: Path, environ: Mapping[str, str], 
         keys=tuple(found.keys),
         masked=tuple(found.masked),
     )
-    return Packed(manifest, contents, tuple(found.left_out))
+    telling = (f"{name}: the value of a secret stands in it" for name in found.telling)
+    return Packed(manifest, contents, (*found.left_out, *telling))
 
 
 def _state(folder: Path) -> Iterator[tuple[str, bytes]]:

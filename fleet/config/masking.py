@@ -34,6 +34,10 @@ class Masking:
             text = self._known.sub(MASK, text)
         return _BEARER.sub(rf"\1 {MASK}", _USER_IN_URL.sub(rf"\1{MASK}@", text))
 
+    def finds(self, content: bytes) -> bool:
+        """Return whether one of the secrets stands in a file."""
+        return self._known is not None and self._known.search(content.decode(errors="replace")) is not None
+
     def config(self, lines: Iterable[str]) -> str:
         """Return a configuration file without secrets, and without the values of keys that name one."""
         return "".join(f"{self.text(masked(line.rstrip()))}\n" for line in lines)

@@ -16,6 +16,7 @@ import msgspec
 from fleet.clock import Clock
 from fleet.errors import FleetError, StateError
 from fleet.health.aggregate import LEVELS
+from fleet.model.health import Level
 from fleet.rollout.bundle import Bundle, BundleError, opened
 from fleet.rollout.decision import Action, Record, Refusal, action, version_refusal
 from fleet.rollout.edge_here import Applied, EdgeHere
@@ -38,6 +39,7 @@ log = logging.getLogger(__name__)
 MOST_REFUSALS = 100
 HEALTH_EVERY = 1.0  # s
 REPORT_EVERY = 60.0  # s, also without news
+GONE_FOR = 60.0  # s; an edge that ran before and is gone for so long goes back
 
 
 class Agent:
@@ -66,6 +68,7 @@ class Agent:
         self._desired: Desired | None = None
         self._reported: Record | None = None
         self._reported_at = 0.0
+        self._gone_since: float | None = None  # monotonic
         self._actions = {
             Action.REST: self._rest,
             Action.TAKE: self._take,
@@ -161,7 +164,7 @@ class Agent:
         if self._installation.current != record.bundle:  # ended between the two
             await asyncio.to_thread(self._installation.activate, record.bundle)
         applied = await asyncio.to_thread(self._applied)
-        failed = applied.failed
+        failed = applied.failed or await self._gone()
         if not failed and not applied.waits:
             failed = await self._worse(min(desired.settle, LONGEST_SETTLE) if desired else 0.0)
         self._keep(lines=_bounded(applied.lines) or self.record.lines)
@@ -227,20 +230,41 @@ class Agent:
             return msgspec.structs.replace(applied, waits=why)
         return applied
 
-    async def _worse(self, settle: float) -> str:
-        """Return why the edge is less healthy than before, within some seconds; empty when it is not."""
-        if not self.record.health:
+    async def _gone(self) -> str:
+        """Return why the edge does not come back with what is in place; empty while it may, or runs.
+
+        One that did not run before is started when somebody starts it.
+        """
+        running = await asyncio.to_thread(self._here.running)
+        now = self._clock.monotonic()
+        if running is not None or not self.record.health:
+            self._gone_since = None
             return ""
+        self._gone_since = now if self._gone_since is None else self._gone_since
+        if now - self._gone_since < GONE_FOR:
+            return ""
+        self._gone_since = None
+        return f"edge {self._edge} ran before, and has been gone for {GONE_FOR:.0f} s with the bundle"
+
+    async def _worse(self, settle: float) -> str:
+        """Watch the edge for some seconds; return why it is less healthy at their end, empty when it is not.
+
+        One that did not run before must come up able to work.
+        """
+        before = self.record.health
+        allowed = LEVELS[before] if before else Level.DEGRADED
         until = self._clock.monotonic() + settle
         while True:
             found = await asyncio.to_thread(self._here.running)
             if found is None:
                 return f"edge {self._edge} ended after it took the bundle"
-            if LEVELS[found.health] <= LEVELS[self.record.health]:
-                return ""
             if self._clock.monotonic() >= until:
-                return f"the edge is {found.health}, was {self.record.health}: {found.cause}"
+                break
             await self._sleep(HEALTH_EVERY)
+        if LEVELS[found.health] <= allowed:
+            return ""
+        then = f"was {before}" if before else "did not run before"
+        return f"the edge is {found.health}, {then}: {found.cause}"
 
     # -- what it keeps and tells -----------------------------------------------------------------------
 

@@ -15,10 +15,11 @@ import msgspec
 from fleet.clock import Clock
 from fleet.errors import FleetError
 from fleet.rollout.messages import Desired, Observed, Rollout, Stage
-from fleet.rollout.store import FleetStore
+from fleet.rollout.store import FleetStore, StoreError
 from fleet.rollout.waves import Phase, Plan, Progress, Told, aborted, limit_of, step, wave_ends
 
 LOOK_EVERY = 1.0  # s
+SILENT_FOR = 60.0  # s; a store that does not answer for so long ends the driver
 
 VERDICTS: Mapping[Stage, Told] = {
     Stage.TAKING: Told.OPEN,
@@ -87,9 +88,18 @@ class Driver:
         await self._store.keep(rollout, revision)
 
     async def drive(self) -> Rollout:
-        """Drive the roll-out in the store until it ends; raises StoreError."""
+        """Drive the roll-out in the store until it ends; raises StoreError for a store that stays silent."""
+        heard = self._clock.monotonic()
         while True:
-            rollout, observed = await self.turn()
+            try:
+                rollout, observed = await self.turn()
+            except StoreError as error:
+                self._told = False  # what was stored may not have gone out
+                if self._clock.monotonic() - heard >= SILENT_FOR:
+                    raise StoreError(f"{error}; drive it again with: fleet rollout resume") from error
+                await self._sleep(LOOK_EVERY)
+                continue
+            heard = self._clock.monotonic()
             if self._tell is not None:
                 self._tell(rollout, observed)
             if rollout.progress.phase is not Phase.RUNNING:

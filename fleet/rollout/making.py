@@ -36,6 +36,11 @@ def make(file: Path, edges: Iterable[str], version: int, environ: Mapping[str, s
         raise BundleError(
             f"{found.keys[0]} is a private key, which stays on its edge: name it by its absolute path there"
         )
+    if found.telling:
+        raise BundleError(
+            f"{found.telling[0]} has the value of a secret in it; take it out, and write  !secret NAME  in "
+            f"{FLEET_FILE} where it is needed"
+        )
     files = dict(found.files)
     if file.name != FLEET_FILE:
         if FLEET_FILE in files:

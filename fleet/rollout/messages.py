@@ -45,8 +45,9 @@ SETTLED = frozenset({Stage.DONE, Stage.FAILED, Stage.REFUSED, Stage.WITHDRAWN})
 class Desired(msgspec.Struct, frozen=True):
     """What an edge shall run, as the roll-out ``rollout`` wants it.
 
-    ``bundle`` is an address, in ``parts`` parts in the store. ``settle``: for how many seconds the edge must
-    stay healthy with it. ``by``: who rolls out. ``withdrawn``: no longer, if the edge is not done.
+    ``bundle`` is an address, in ``parts`` parts in the store. ``settle``: for how many seconds the edge is
+    watched; at their end it must be as healthy with it as before. ``by``: who rolls out. ``withdrawn``: no
+    longer, if the edge is not done.
     """
 
     rollout: Id

@@ -27,3 +27,12 @@ def test_files_beside_it_are_collected_keys_are_named_and_secrets_are_masked(tmp
     assert b"THE-TOKEN" not in found.files["fleet.yaml"]
     assert (found.keys, found.masked) == (["rex.key"], ["fleet.yaml"])
     assert ["other.yaml" in line for line in found.left_out] == [True]
+
+
+def test_of_a_file_with_the_value_of_a_secret_only_the_name_is_there(tmp_path):
+    file = tmp_path / "fleet.yaml"
+    file.write_text(FILE)
+    (tmp_path / "rex.yaml").write_text("token: THE-VALUE")
+    found = collect(file, read(file, {}), sections_of(file, {}), Masking(["THE-VALUE"]))
+    assert set(found.files) == {"fleet.yaml"}
+    assert found.telling == ["rex.yaml"]

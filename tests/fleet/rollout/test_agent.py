@@ -9,70 +9,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from fleet.errors import Refused
-from fleet.rollout.agent import Agent
-from fleet.rollout.bundle import HEAD, LARGEST, BundleError, sealed
-from fleet.rollout.decision import Record
+from fleet.rollout.bundle import HEAD, LARGEST, BundleError
 from fleet.rollout.edge_here import Applied, Code, Running
-from fleet.rollout.installation import Installation
 from fleet.rollout.messages import SETTLED, Desired, Stage
-from fleet.rollout.signature import by_name, new_key
-from fleet.testing.clock import ManualClock
-from tests.tools.rollout import MemoryStore, PuppetEdge, bundle_of, desired_of
+from fleet.rollout.signature import new_key
+from tests.tools.rollout import desired_of
+from tests.tools.rollout_yard import KEY, Yard
 
-KEY = new_key()
 MOVES = Applied(("rex: rebuilt: refused",), waits="rex: it is armed; disarm it first")
-
-
-class Yard:
-    """One edge with version 1 of its bundle, its agent, and the store."""
-
-    def __init__(self, folder):
-        self.store, self.clock = MemoryStore(), ManualClock()
-        self.installation = Installation(folder)
-        self.here = PuppetEdge(self.installation)
-        self.first, data = sealed(bundle_of(1), KEY)
-        self.installation.stage(bundle_of(1), self.first)
-        self.installation.keep(Record(self.first, 1, self.first))
-        self.installation.activate(self.first)
-        self.store.bundles[self.first] = data
-        self.start()
-
-    def start(self):
-        """Start the agent, as after a crash of the one before."""
-        view = self.store.edge("yard-1")
-        self.agent = Agent(
-            "yard-1",
-            self.installation,
-            by_name([KEY.public]),
-            view,
-            self.here,
-            clock=self.clock,
-            sleep=self.sleep,
-        )
-
-    async def sleep(self, seconds):
-        self.clock.advance(seconds)
-
-    async def want(self, version, *, key=KEY, at="", data=None, **fields):
-        """Tell the edge to run a bundle, and let it look once; return its address."""
-        address, made, desired = desired_of(key, version, **fields)
-        self.store.bundles[at or address] = made if data is None else data
-        if at:
-            desired = Desired(desired.rollout, at, desired.parts)
-        await self.store.desire("yard-1", desired)
-        await self.agent.turn()
-        return address
-
-    async def withdraw(self, address, rollout="r1"):
-        await self.store.desire("yard-1", Desired(rollout, address, 1, withdrawn=True))
-        await self.agent.turn()
-
-    async def report(self):
-        return (await self.store.observed(["yard-1"]))["yard-1"]
-
-    @property
-    def text(self):
-        return self.installation.file_in_use.read_text().split(" {")[0].strip()
 
 
 @pytest.fixture

@@ -9,7 +9,7 @@ import pytest
 from fleet.rollout.agent import Agent
 from fleet.rollout.bundle import BundleError, sealed
 from fleet.rollout.decision import Record
-from fleet.rollout.driver import Driver, RolloutMissing, RolloutRunning
+from fleet.rollout.driver import SILENT_FOR, Driver, RolloutMissing, RolloutRunning
 from fleet.rollout.edge_here import Applied
 from fleet.rollout.installation import Installation
 from fleet.rollout.messages import Stage
@@ -249,6 +249,29 @@ async def test_one_roll_out_at_a_time_and_one_who_drives_it(fleet):
     fleet.store.rollout = then_another_steps
     with pytest.raises(StoreError, match="changed meanwhile"):
         await fleet.driver.turn()
+
+
+async def test_one_lost_answer_of_the_store_does_not_end_the_driver(fleet):
+    await fleet.begin()
+    desire, lost = fleet.store.desire, []
+
+    async def loses_the_first(edge, desired):
+        if not lost:
+            lost.append(edge)
+            raise StoreError("the store of roll-outs does not answer")
+        await desire(edge, desired)
+
+    fleet.store.desire = loses_the_first
+    assert (await fleet.driver.drive()).progress.phase is Phase.COMPLETED
+    assert set(fleet.running().values()) == {"new"}
+
+
+async def test_a_store_that_stays_silent_ends_the_driver_and_it_says_how_to_go_on(fleet):
+    await fleet.begin()
+    fleet.store.silent = True
+    with pytest.raises(StoreError, match="does not answer; drive it again with: fleet rollout resume"):
+        await fleet.driver.drive()
+    assert fleet.clock.monotonic() >= SILENT_FOR
 
 
 async def test_without_a_roll_out_there_is_nothing_to_drive():

@@ -1,6 +1,8 @@
 """What a bundle has of a configuration, and what it must not have."""
 
 import pytest
+from cryptography.hazmat.primitives import serialization
+from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
 
 from fleet.rollout.bundle import BundleError
 from fleet.rollout.making import make
@@ -66,3 +68,37 @@ def test_a_private_key_beside_the_file_is_refused(site):
     (site / "bodies" / "rex.yaml").write_text("-----BEGIN PRIVATE KEY-----\n")
     with pytest.raises(BundleError, match="is a private key, which stays on its edge"):
         made(site)
+
+
+@pytest.mark.parametrize("name", ["plugins/toy.py", "plugins/_hidden.py", "bodies/rex.yaml"])
+def test_a_secret_in_any_other_file_is_refused(site, name):
+    (site / name).write_text('TOKEN = "THE-VALUE"\n')
+    with pytest.raises(BundleError, match=f"{name} has the value of a secret in it"):
+        made(site)
+
+
+@pytest.mark.parametrize("password", [None, b"of-the-key"])
+def test_a_private_key_in_der_form_is_refused(site, password):
+    kind = serialization.BestAvailableEncryption(password) if password else serialization.NoEncryption()
+    form = serialization.PrivateFormat.PKCS8
+    key = Ed25519PrivateKey.generate().private_bytes(serialization.Encoding.DER, form, kind)
+    (site / "bodies" / "rex.yaml").write_bytes(key)
+    with pytest.raises(BundleError, match="is a private key, which stays on its edge"):
+        made(site)
+
+
+def test_what_is_named_as_a_key_is_refused_whatever_it_holds(site):
+    tls = '{listen: "127.0.0.1:8443", tls: {cert: web.pem, key: web.bin}}'
+    (site / "fleet.yaml").write_text(f"{FILE}console: {tls}\n")
+    (site / "web.pem").write_text("certificate")
+    (site / "web.bin").write_bytes(b"\x01\x02")
+    with pytest.raises(BundleError, match=r"web\.bin is a private key"):
+        made(site)
+
+
+def test_who_may_log_in_at_the_console_is_not_in_it(site):
+    (site / "fleet.yaml").write_text(f"{FILE}console: {{people: people.json}}\n")
+    (site / "people.json").write_text("[]")
+    found = make(site / "fleet.yaml", (), 3, {}, 1e9)
+    assert "people.json" not in found.bundle.files
+    assert ["people.json: it says who may log in" in line for line in found.left_out] == [True]

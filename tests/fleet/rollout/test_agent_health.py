@@ -1,0 +1,78 @@
+"""An edge that gets less healthy with a bundle, or ends with it, goes back to the bundle before."""
+
+import pytest
+
+from fleet.rollout.agent import GONE_FOR
+from fleet.rollout.edge_here import Applied, Running
+from fleet.rollout.messages import Stage
+from tests.tools.rollout_yard import Yard
+
+WAITS = Applied(waits="edge yard-1 does not run; it starts with this bundle")
+
+
+@pytest.fixture
+def yard(tmp_path):
+    return Yard(tmp_path)
+
+
+def changes_later(yard, seconds, state):
+    """Have the edge get into another state some seconds from now, if it runs with version 2."""
+    at, before = yard.clock.monotonic() + seconds, yard.here.state
+
+    def running():
+        later = yard.text == "version 2" and yard.clock.monotonic() >= at
+        return state if later else before
+
+    yard.here.running = running
+
+
+async def test_an_edge_that_gets_worse_late_in_its_time_goes_back(yard):
+    changes_later(yard, 8.0, Running("fault", "rex: motor 3", 0.0))
+    await yard.want(2, settle=10.0)
+    report = await yard.report()
+    assert (report.stage, yard.text) == (Stage.FAILED, "version 1")
+    assert report.why == "the edge is fault, was ok: rex: motor 3"
+
+
+async def test_an_edge_that_is_well_again_at_the_end_of_its_time_is_done(yard):
+    yard.here.state = Running("fault", "rex starts", 0.0)
+    changes_later(yard, 3.0, Running("ok", "", 0.0))
+    await yard.want(2, settle=10.0)
+    assert (await yard.report()).stage is Stage.DONE
+    assert yard.clock.monotonic() >= 10.0
+
+
+async def test_an_edge_that_was_down_must_come_up_able_to_work(yard):
+    yard.here.state, yard.here.outcomes = None, [WAITS]
+    await yard.want(2)
+    yard.here.state = Running("fault", "rex: motor 3", yard.clock.time() + 1.0)
+    await yard.agent.turn()
+    report = await yard.report()
+    assert (report.stage, yard.text) == (Stage.FAILED, "version 1")
+    assert report.why == "the edge is fault, did not run before: rex: motor 3"
+
+
+async def test_an_edge_that_dies_with_the_bundle_and_stays_away_goes_back(yard):
+    def dies(by):
+        yard.here.state = None
+        return WAITS
+
+    yard.here.apply = dies
+    await yard.want(2)
+    assert (await yard.report()).stage is Stage.WAITING
+    yard.clock.advance(GONE_FOR - 1.0)
+    await yard.agent.turn()
+    assert (await yard.report()).stage is Stage.WAITING
+    yard.clock.advance(1.0)
+    await yard.agent.turn()
+    report = await yard.report()
+    assert (report.stage, yard.text) == (Stage.FAILED, "version 1")
+    assert "has been gone for 60 s" in report.why
+
+
+async def test_an_edge_that_did_not_run_before_is_waited_for(yard):
+    yard.here.state, yard.here.outcomes = None, [WAITS] * 9
+    await yard.want(2)
+    yard.clock.advance(10 * GONE_FOR)
+    await yard.agent.turn()
+    assert (await yard.report()).stage is Stage.WAITING
