@@ -44,7 +44,7 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
             continue
         if item.path.name in REAL_TIME:
             item.add_marker(pytest.mark.real_time)
-        elif "flying" in item.fixturenames:
+        elif {"flying", "shared_fleet"} & set(item.fixturenames):
             item.add_marker(pytest.mark.xdist_group(f"{item.path.stem} {flavour_of(item)}"))
 
 
@@ -349,6 +349,20 @@ def ears() -> Iterator[Callable[..., Ears]]:
     """Make MQTT clients that are closed after the test."""
     with all_ears() as make:
         yield make
+
+
+@pytest.fixture(scope="module")
+def shared_runtime() -> Iterator[str]:
+    """Make the directory of ``shared_fleet``."""
+    with runtime_folder() as path:
+        yield path
+
+
+@pytest.fixture(scope="module")
+def shared_fleet(shared_runtime: str) -> Iterator[Callable[..., Running]]:
+    """Start ``fleet ARGUMENTS`` for all tests of a module."""
+    with fleets(shared_runtime) as start:
+        yield start
 
 
 PX4, ARDUPILOT = "px4 on the demo's broker", "ardupilot on a foreign broker"
