@@ -27,6 +27,7 @@ from fleet.host.process.component_settings import bridge_rules
 from fleet.host.process.rebuild import ended, seen
 from fleet.host.process.robot_process import RobotProcess, RobotSpec
 from fleet.host.process.stop_inputs import StopInputs
+from fleet.host.requests.stop_cause import local_cause
 from fleet.host.robot.local_robot import LocalRobot
 from fleet.host.robot.rest import moving, not_resting
 from fleet.host.safety.admission import LEAVE
@@ -101,6 +102,7 @@ class Membership:
     ) -> None:
         self._process, self._followers, self._meanwhile = process, followers, meanwhile
         self._workers = workers
+        self._taken_out: dict[str, str] = {}  # the names of robots that were, by twin
 
     def hindrance(self, name: str) -> str:
         """Return why a robot of the edge cannot be taken out now; empty when it rests."""
@@ -116,6 +118,9 @@ class Membership:
         except Exception as error:  # its adapter is foreign code
             log.exception("%s cannot be added", name)
             return f"it cannot be built: {type(error).__name__}: {error}"
+        if why := await self._stop_before(name, robot.twin):
+            robot.controller.latch.engage(why)
+            robot.controller.latch.record()
         self._meanwhile.engage(robot)
         try:
             self._followers.join(robot)
@@ -128,8 +133,12 @@ class Membership:
 
     async def _added_elsewhere(self, name: str, running: Loaded, loaded: Loaded) -> str:
         """Add a robot that runs in a worker."""
+        twin = next(str(config.twin) for config, _ in loaded.robots if config.name == name)
+        why = await self._stop_before(name, twin)
 
         def join(robot: RemoteRobot) -> None:
+            if why:
+                robot.stop_later(local_cause("", why))
             self._meanwhile.pass_on(robot)
             self._followers.join(robot)
 
@@ -140,6 +149,16 @@ class Membership:
         elif robot is not None:
             self._meanwhile.pass_on(robot)
         return trouble
+
+    async def _stop_before(self, name: str, twin: str) -> str:
+        """Return the stop of a robot that was taken out and comes back under another name; else empty."""
+        before = self._taken_out.get(twin, name)
+        if before == name:
+            return ""
+        why = (await asyncio.to_thread(self._process.journal.robot, before)).latched
+        if why:
+            log.warning("%s was %s: its emergency stop is still set: %s", name, before, why)
+        return why
 
     async def remove(self, name: str, running: Loaded, *, force: bool) -> str:
         """Bring a robot to a standstill and take it out."""
@@ -186,12 +205,14 @@ class Membership:
             raise
 
     def _let_go(self, robot: LocalRobot) -> None:
-        """Forget a robot everywhere."""
+        """Forget a robot everywhere; its stop is kept by its name, which its twin leads to."""
+        self._taken_out[robot.twin] = robot.name
         drop, give_up = partial(self._process.drop, robot), partial(self._process.give_up, robot.twin)
         let_go(robot.name, partial(self._followers.leave, robot), drop, give_up)
 
     def _let_go_elsewhere(self, robot: RemoteRobot) -> None:
-        """Forget a robot of a worker everywhere."""
+        """Forget a robot of a worker everywhere, as one of the edge's process."""
+        self._taken_out[robot.twin] = robot.name
         let_go(robot.name, partial(self._followers.leave, robot), partial(self._workers.forget, robot))
 
     async def leaves_runs(self, robot: LocalRobot | RemoteRobot) -> str:

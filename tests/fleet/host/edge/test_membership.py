@@ -245,6 +245,19 @@ async def test_a_stop_survives_that_a_robot_is_taken_out_and_added_again(yard_of
     assert "emergency stop is set" in (await field.say("rex", {"command": "walk"})).reason
 
 
+@pytest.mark.parametrize("place", [{}, {"worker": "limbs"}])
+async def test_a_stop_survives_that_a_robot_comes_back_under_another_name(yard_of_two, place):
+    field = yard_of_two
+    (twin,) = (robot["twin"] for robot in field.robots if robot["name"] == "rex")
+    await field.stop(STOP_REX)
+    await field.until(lambda: field.state("rex").emergency_stop)
+    field.remove("rex")
+    await field.apply()
+    field.add("ada", twin=twin, **place)
+    await field.apply()
+    await field.until(lambda: field.state("ada").emergency_stop)
+
+
 @pytest.mark.parametrize("names", [(), ("ada",), ("all-of-them",)])
 async def test_a_stop_while_a_robot_is_built_reaches_it(yard_of_two, monkeypatch, names):
     field = yard_of_two
