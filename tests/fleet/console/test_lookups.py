@@ -12,6 +12,8 @@ from fleet.console.requests import (
     ExtentAsked,
     HistoryAsked,
     MomentAsked,
+    VideoAnswered,
+    VideoAsked,
     needed_for,
 )
 from fleet.errors import Refused
@@ -53,8 +55,10 @@ async def test_a_page_has_one_moment_read_at_a_time(lookups):
     assert await call(MomentAsked("three", 3.0)) == {"moment": {"at": 3.0}}
 
 
-async def test_none_of_them_needs_more_than_to_look_but_the_configuration(lookups):
+async def test_none_of_them_needs_more_than_to_look_but_video_and_the_configuration(lookups):
     asked = [MomentAsked("r", 1.0), ExtentAsked("r"), HistoryAsked("r", "e/x"), CausesAsked("r", ())]
     assert {needed_for(each) for each in asked} == {Permission.VIEW}
     assert needed_for(ConfigAsked("r", "e")) is Permission.ADMIN
-    assert {type(each) for each in asked} | {ConfigAsked} == set(lookups.calls)
+    video = [VideoAsked("r", "e/x"), VideoAnswered("r", "e/x", "front", "v=0")]
+    assert {needed_for(each) for each in video} == {Permission.OPERATE}
+    assert {type(each) for each in (*asked, *video)} | {ConfigAsked} == set(lookups.calls)
