@@ -39,6 +39,7 @@ TAKEN_WITHIN = 6.0  # s in which the standby hears the robot
 BOUND = 0.5 + 0.5  # s: setpoint lease and the board's own stop
 MOVE = b'{"command": "move_forward", "data": {"linear_x": 0.3}, "source_type": "tele"}'
 RELEASE = b'{"command": "release_emergency_stop", "source_type": "tele"}'
+EMERGENCY_STOP = b'{"command": "emergency_stop"}'
 
 
 @dataclass
@@ -253,8 +254,8 @@ def rounds(request):
     return SOAK_ROUNDS if request.config.getoption("--soak") else ROUNDS
 
 
-def ready(pair):
-    """Wait until one edge drives the robot and the other is standby; return holder and standby."""
+def holder_and_standby(pair):
+    """Wait until one edge has the lease and the other is standby; return them."""
     by_role = {}
 
     def found():
@@ -263,7 +264,12 @@ def ready(pair):
         return all(states.values()) and {state.pair for state in states.values()} == {"holder", "standby"}
 
     wait_until("one edge holds the lease and the other is standby", found)
-    holder, other = by_role["holder"], by_role["standby"]
+    return by_role["holder"], by_role["standby"]
+
+
+def ready(pair):
+    """Wait until one edge drives the robot and the other is standby; return holder and standby."""
+    holder, other = holder_and_standby(pair)
     wait_until("the robot is heard", lambda: holder.robot.reachable)
     wait_until("the standby has seen the lease", lambda: "has the lease" in other.robot.cause)
     if holder.robot.emergency_stop:
@@ -333,8 +339,11 @@ def test_an_edge_that_is_cut_off_from_the_lease_stops_the_robot_before_the_other
 
 def test_an_emergency_stop_is_set_on_the_other_edge_too(pair):
     holder, other = ready(pair)
-    assert holder.command(b'{"command": "emergency_stop"}').ok
-    wait_until("the standby has it", lambda: other.robot.emergency_stop)
+    # A busy computer may lose its lease at any moment, and answers then that the robot is out of reach: the
+    # stop is set all the same, and the edges may have changed places.
+    wait_until("it is answered", lambda: holder.command(EMERGENCY_STOP))
+    wait_until("both have it", lambda: holder.robot.emergency_stop and other.robot.emergency_stop)
+    holder, other = holder_and_standby(pair)
     (edge,) = holder.processes[1:]
     lost_at = time.monotonic()
     edge.kill()
