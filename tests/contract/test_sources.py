@@ -131,7 +131,6 @@ MOST_METHODS = 20  # of one class, properties and private ones counted
 LARGER = {
     "fleet/host/edge/missions.py:Missions": 24,
     "fleet/host/process/robot_process.py:RobotProcess": 25,
-    "fleet/host/robot/controller.py:RobotController": 35,
     "fleet/host/robot/local_robot.py:LocalRobot": 27,
     "fleet/missions/engine.py:Engine": 24,
     "fleet/spool/queue.py:SpoolQueue": 34,

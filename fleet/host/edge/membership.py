@@ -169,7 +169,7 @@ class Membership:
         trouble = await self.leaves_runs(robot) or await ended(self._process, robot)
         if trouble:  # it is not run again: two adapters would move one robot
             return trouble
-        if robot.controller.may_be_moving:
+        if robot.controller.motion.may_be_moving:
             self._process.runs.resume(robot)
             return moving(robot)
         self._let_go(robot)

@@ -192,7 +192,7 @@ class LocalRobot:
         """Bring an ask to the robot's controller, and record it; on the loop."""
         self._recorder.asked(ask, receipt)
         self._context.run(self.controller.receive, ask, receipt)
-        self.in_use = self.in_use or self.controller.in_control
+        self.in_use = self.in_use or self.controller.motion.in_control
 
     def _take(self, kind: Kind, ask: Ask, waits: bool, arrived: float, answer: Answer) -> None:  # noqa: FBT001 - by position
         """Bring a request to the controller, unless it is late; no stamp: as old as its arrival."""
@@ -377,7 +377,7 @@ class LocalRobot:
     def _lease_ran_out(self) -> None:
         """Follow the watchdog's halt."""
         self._recorder.lease_ran_out()
-        self.controller.lease_ran_out()
+        self.controller.motion.lease_ran_out()
 
     def _follow_emergency(self, cause: StopCause) -> None:
         """Let the adapter bring the robot to its own standstill."""
