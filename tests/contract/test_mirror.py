@@ -132,6 +132,8 @@ ELSEWHERE = {
     "sim/broker/server.py": "fleet/sim/broker/test_connection.py",
     "sim/broker/session.py": "fleet/sim/broker/test_connection.py",
     "sim/process.py": "fleet/sim/test_server.py",
+    "spool/contents.py": "fleet/spool/test_queue.py",
+    "spool/disk_exchange.py": "fleet/spool/test_queue_disk.py",
     "spool/disk.py": "fleet/spool/test_spool.py",
     "spool/held_topics.py": "fleet/spool/test_queue_disk.py",
     "spool/inspection.py": "fleet/runtime/test_state_format.py",

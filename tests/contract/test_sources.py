@@ -133,7 +133,6 @@ LARGER = {
     "fleet/host/process/robot_process.py:RobotProcess": 25,
     "fleet/host/robot/local_robot.py:LocalRobot": 27,
     "fleet/missions/engine.py:Engine": 24,
-    "fleet/spool/queue.py:SpoolQueue": 34,
     "adapters/fleet_mavlink/adapter.py:MavlinkAdapter": 24,
     "adapters/fleet_mavlink/session.py:VehicleSession": 25,
     "adapters/fleet_mavlink/sim/autopilot.py:Autopilot": 47,
