@@ -88,6 +88,7 @@ ELSEWHERE = {
     "host/robot/dry_run.py": "fleet/host/robot/test_local_robot.py",
     "host/robot/frame_commands.py": "fleet/host/robot/test_frame_adapter_runner.py",
     "host/robot/own_commands.py": "fleet/host/robot/test_controller.py",
+    "host/robot/request_intake.py": "fleet/host/process/test_robot_process.py",
     "host/robot/run_commands.py": "fleet/host/robot/test_controller.py",
     "host/robot/standstill.py": "fleet/host/test_invariants.py",
     "host/runtime/blocking_calls.py": "fleet/host/robot/test_robot_handle.py",

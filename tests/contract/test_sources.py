@@ -131,7 +131,6 @@ MOST_METHODS = 20  # of one class, properties and private ones counted
 LARGER = {
     "fleet/host/edge/missions.py:Missions": 24,
     "fleet/host/process/robot_process.py:RobotProcess": 25,
-    "fleet/host/robot/local_robot.py:LocalRobot": 27,
     "fleet/missions/engine.py:Engine": 24,
     "adapters/fleet_mavlink/adapter.py:MavlinkAdapter": 24,
     "adapters/fleet_mavlink/session.py:VehicleSession": 25,

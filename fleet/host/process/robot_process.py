@@ -300,7 +300,7 @@ class RobotProcess:
         run_in_turn((partial(robot.controller.halt, emergency=True) for robot in stopped), wait=HALT_WAIT)
         run_in_turn((robot.controller.latch.record for robot in stopped), wait=HALT_WAIT)
         for robot in stopped:
-            robot.follow_emergency(cause)
+            robot.requests.follow_emergency(cause)
         self.on_stop(names, cause)
         return [robot.name for robot in stopped]
 

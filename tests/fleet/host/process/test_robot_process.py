@@ -269,7 +269,7 @@ async def test_what_waited_too_long_for_the_loop_is_refused_but_a_stop(served, k
     robot = process.robots["rex"]
     answers = []
     take = robot.read(kind, json.dumps(message).encode(), way=Transport.BUS)
-    robot.clock = ManualClock(monotonic=robot.clock.monotonic() + waited)
+    robot.requests._clock = ManualClock(monotonic=robot.clock.monotonic() + waited)
     take(answers.append)
     late = [answer for answer in answers if "held up" in answer.reason]
     assert bool(late) is not taken
@@ -330,7 +330,7 @@ async def test_misspelt_data_moves_nothing_by_any_way_in(served, asks, kind, mes
 async def test_a_goal_that_cannot_be_read_has_a_failed_status_under_its_id(served, kind, payload, state):
     process, _ = served
     robot, reports = process.robots["rex"], []
-    robot.publish = reports.append
+    robot.requests._publish = reports.append
     answers = []
     robot.read(kind, payload, way=Transport.CLOUD)(answers.append)
     (status,) = reports
