@@ -207,7 +207,7 @@ class Membership:
     def _let_go(self, robot: LocalRobot) -> None:
         """Forget a robot everywhere; its stop is kept by its name, which its twin leads to."""
         self._taken_out[robot.twin] = robot.name
-        drop, give_up = partial(self._process.drop, robot), partial(self._process.give_up, robot.twin)
+        drop, give_up = partial(self._process.drop, robot), partial(self._process.holders.give_up, robot.twin)
         let_go(robot.name, partial(self._followers.leave, robot), drop, give_up)
 
     def _let_go_elsewhere(self, robot: RemoteRobot) -> None:
