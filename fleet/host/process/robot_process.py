@@ -218,7 +218,7 @@ class RobotProcess:
         if any(robot.runner.leftover for robot in self.robots.values()):
             log.error("an adapter's run does not end: the watchdog ends this process if it never does")
         else:
-            # To the watchdog a wheel that stands is a loop that is stuck.
+            # To the watchdog a scheduler that has stopped is a loop that is stuck.
             self.watchdog.stop()
         self.supervised.close()
 
