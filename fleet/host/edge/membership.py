@@ -169,7 +169,7 @@ class Membership:
         trouble = await self.leaves_runs(robot) or await ended(self._process, robot)
         if trouble:  # it is not run again: two adapters would move one robot
             return trouble
-        if robot.controller.may_be_moving:
+        if robot.controller.motion.may_be_moving:
             self._process.runs.resume(robot)
             return moving(robot)
         self._let_go(robot)
@@ -207,7 +207,7 @@ class Membership:
     def _let_go(self, robot: LocalRobot) -> None:
         """Forget a robot everywhere; its stop is kept by its name, which its twin leads to."""
         self._taken_out[robot.twin] = robot.name
-        drop, give_up = partial(self._process.drop, robot), partial(self._process.give_up, robot.twin)
+        drop, give_up = partial(self._process.drop, robot), partial(self._process.holders.give_up, robot.twin)
         let_go(robot.name, partial(self._followers.leave, robot), drop, give_up)
 
     def _let_go_elsewhere(self, robot: RemoteRobot) -> None:
