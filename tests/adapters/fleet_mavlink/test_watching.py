@@ -236,9 +236,7 @@ def test_a_pause_that_a_plane_does_not_take_stops_it_whoever_moves_it(fly, sky, 
             else:
                 place = (int((it.state.position.latitude + 0.03) * 1e7), 85455940, 540.0)
                 nothing = float("nan")
-                station.says(
-                    mav.MAVLink_command_int_message(1, 1, 0, 192, 0, 0, -1, 1, 0, nothing, *place)
-                )
+                station.says(mav.MAVLink_command_int_message(1, 1, 0, 192, 0, 0, -1, 1, 0, nothing, *place))
             await it.until(lambda: it.robot.losses)
             await asyncio.sleep(5.0)
             assert it.mode in {"GUIDED", "RTL"}
