@@ -6,6 +6,7 @@ A step is a coroutine that takes ``it``: the adapter on a link. It fails by rais
 from __future__ import annotations
 
 import asyncio
+import contextlib
 
 import pytest
 
@@ -61,6 +62,20 @@ def place(it, east, north, height=HEIGHT):
 
 async def exhausted(steps):
     return [step async for step in steps]
+
+
+@contextlib.contextmanager
+def silence(it, *, both_ways=True):
+    """Hear nothing of the vehicle; it hears nothing either, if the link is lost ``both_ways``."""
+    hub = session(it)._hub
+    lost = ("receive", "send", "send_from_any_thread") if both_ways else ("receive",)
+    for way in lost:
+        setattr(hub, way, lambda *_: None)
+    try:
+        yield
+    finally:
+        for way in lost:
+            delattr(hub, way)
 
 
 async def circles(it, centre, seconds=30.0):
