@@ -2,11 +2,13 @@
 
 import json
 
+import msgspec
 import pytest
 
 from fleet.errors import StateError, StateNewer, StateTaken
 from fleet.rollout.bundle import sealed
 from fleet.rollout.decision import Record
+from fleet.rollout.faults import Fault
 from fleet.rollout.installation import STATE, Installation
 from fleet.rollout.messages import Stage
 from fleet.rollout.signature import new_key
@@ -74,6 +76,21 @@ def test_the_record_is_the_same_after_a_restart(installation):
     record = Record("a", 3, "b", "r1", "b", "alice", Stage.WAITING, files=("rex.yaml",))
     installation.keep(record)
     assert Installation(installation.folder).record() == record
+
+
+def test_the_version_before_reads_the_record_and_the_other_way_round(installation):
+    class Before(msgspec.Struct, frozen=True):
+        """The fields that the version before looks at."""
+
+        bundle: str = ""
+        health: str = ""
+        format: int = 1
+
+    installation.keep(Record(bundle="b", health="ok", faults=(Fault("rex", "fault", "motor 3"),)))
+    data = (installation.folder / STATE).read_bytes()
+    assert msgspec.json.decode(data, type=Before) == Before("b", "ok", 1)
+    (installation.folder / STATE).write_bytes(msgspec.json.encode(Before("b", "ok")))
+    assert installation.record() == Record(bundle="b", health="ok", faults=None)
 
 
 @pytest.mark.parametrize("text", ["", "{", '{"highest": "x"}', "\udc80"])
