@@ -178,7 +178,7 @@ class Agent:
         else:
             self._keep(running=record.bundle)
             self._settle(Stage.DONE, "")
-            await asyncio.to_thread(self._installation.tidy, {record.bundle})
+            await asyncio.to_thread(self._installation.tidy)
 
     async def _withdraw(self, _desired: Desired | None) -> None:
         """Go back: the roll-out ended before this edge was done."""

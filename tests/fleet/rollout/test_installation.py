@@ -60,7 +60,7 @@ def test_a_disk_that_fails_while_files_are_written_leaves_the_bundle_in_use(inst
     assert installation.current == first
     names = [path.name for path in (installation.folder / "versions").iterdir()]
     assert first in names
-    installation.tidy({first})
+    installation.tidy()
     assert [path.name for path in (installation.folder / "versions").iterdir()] == [first]
 
 
@@ -70,6 +70,18 @@ def test_a_bundle_in_use_is_never_written_over(installation):
     installation.file_in_use.write_text("changed by hand")
     staged(installation, 1)
     assert installation.file_in_use.read_text() == "changed by hand"
+
+
+def test_the_bundle_that_the_edge_runs_with_stays_while_another_one_waits(installation):
+    first, second = staged(installation, 1), staged(installation, 2)
+    installation.keep(Record(running=first, bundle=second, stage=Stage.WAITING))
+    installation.activate(second)
+    (installation.folder_of(first) / "fleet.yaml").write_text("changed by hand")
+    staged(installation, 1)
+    staged(installation, 3)
+    installation.tidy()
+    assert (installation.folder_of(first) / "fleet.yaml").read_text() == "changed by hand"
+    assert {path.name for path in (installation.folder / "versions").iterdir()} == {first, second}
 
 
 def test_the_record_is_the_same_after_a_restart(installation):
