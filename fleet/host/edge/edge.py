@@ -299,6 +299,7 @@ class Edge:
             pair=self._pair.role,
             epoch=self._pair.epoch,
             pair_file=self._pair.file,
+            problems=[each.cause for each in services[1:] if each.cause],
         )
 
     def services(self) -> list[Health]:

@@ -33,11 +33,12 @@ from fleet.host.robot.rest import moving, not_resting
 from fleet.host.safety.admission import LEAVE
 from fleet.host.workers.remote_robot import RemoteRobot
 from fleet.host.workers.worker_task import Importer, robot_tasks
+from fleet.missions.observed import SHOWN_WITHIN
 from fleet.model.command import Transport
 
 log = logging.getLogger(__name__)
 
-LEAVES_WITHIN = 5.0  # s for the runs of missions to let go of a robot
+LEAVES_WITHIN = SHOWN_WITHIN + 3.0  # s for runs to let go of a robot; one it has just joined waits so long
 
 
 class Followers:

@@ -20,6 +20,8 @@ from fleet.errors import BusError
 from fleet.model.command import Reply, ReplyStatus
 from fleet.model.health import Health, Level
 from fleet.model.state import EdgeState, RobotState
+from fleet.rollout.edge_here import LocalEdge
+from fleet.rollout.faults import Fault
 from fleet.testing.waiting import wait_until
 
 POOLS = ("asyncio", "uvloop")  # whose threads stay for the next one
@@ -53,6 +55,17 @@ async def served(yard, run_edge, asks):
         bus_session = await asyncio.to_thread(place.bus_session)
         yield place, edge, bus_session
         await asyncio.to_thread(bus_session.close)
+
+
+async def test_an_edge_tells_every_problem_of_its_own_and_the_agent_of_roll_outs_reads_it(served):
+    place, edge, _ = served
+    here = LocalEdge(place.id, place.file)
+    assert (await asyncio.to_thread(here.running)).faults == ()
+    edge.beside = lambda: "the console does not run"
+    edge.missions.store.problem = "runs are not recorded"
+    told = [Fault("the edge", "degraded", each) for each in edge.state().problems]
+    assert {each.cause for each in told} >= {"the console does not run", "runs are not recorded"}
+    assert (await asyncio.to_thread(here.running)).faults == tuple(told)
 
 
 async def test_a_robot_is_commanded_on_its_bus_key_and_the_lease_ends_it(served, asks):
