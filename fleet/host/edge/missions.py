@@ -18,6 +18,7 @@ from fleet.host.edge.cloud_workflows import CloudWorkflows
 from fleet.host.edge.common_start import CommonStart
 from fleet.host.edge.coordinators import Coordinators
 from fleet.host.edge.known_missions import KnownMissions
+from fleet.host.edge.mission_askers import MissionAskers
 from fleet.host.edge.mission_robots import Descriptions, MissionRobots, RobotRules, candidate
 from fleet.host.edge.mission_starter import MissionStarter
 from fleet.host.edge.mission_ways import MissionWays
@@ -28,7 +29,6 @@ from fleet.host.edge.run_results import RunResults
 from fleet.host.edge.start_requests import StartRequests
 from fleet.host.edge.twin_plans import TwinPlans
 from fleet.host.process.robot_process import RobotProcess
-from fleet.host.requests.console_asker import console_refusal
 from fleet.host.requests.stop_cause import StopCause
 from fleet.host.robot.local_robot import LocalRobot
 from fleet.host.workers.remote_robot import RemoteRobot
@@ -37,17 +37,15 @@ from fleet.missions.report import ControlAsk, Controlled, RunState, StartAsk, St
 from fleet.missions.results import EVERY as TRACK_EVERY
 from fleet.missions.roles import Candidate
 from fleet.missions.run import Robot
-from fleet.missions.runs import Runs, check_run_id
+from fleet.missions.runs import Runs
 from fleet.missions.state import Head, Member
 from fleet.missions.store import About, Store, Told
 from fleet.model.command import Origin, Transport
-from fleet.model.event import EventKind, EventReport, Requester, Severity
-from fleet.model.permission import Permission
+from fleet.model.event import EventKind, EventReport, Severity
 from fleet.runtime.decoding import decode_json
 
 LOOK_EVERY = 0.2  # s
 SHOWN = 50  # runs that ended
-LARGEST = 1 << 20  # bytes of a mission that is sent
 _encode = msgspec.json.encode
 log = logging.getLogger(__name__)
 
@@ -68,7 +66,7 @@ class Missions:
         self._missions = missions = KnownMissions(loaded)
         self._groups = config.members
         self._bus_session = process.bus.control
-        self._process = process
+        self._process, self._askers = process, MissionAskers(process.askers)
         self._recorded: set[str] = set()
         self._rules = rules = RobotRules(loaded)
         self._policies = rules.policies
@@ -189,8 +187,8 @@ class Missions:
 
     def declare(self) -> None:
         """Take questions, look at the robots, and take up the runs of an earlier process."""
-        self._bus_session.answer(keys.mission(self._edge, "*"), self._asked_mission, more=keys.CONSOLE)
-        self._bus_session.answer(keys.run(self._edge, "*"), self._asked_run, more=keys.CONSOLE)
+        self._bus_session.answer(keys.mission(self._edge, "*"), self._asked_mission, more=keys.ASKER)
+        self._bus_session.answer(keys.run(self._edge, "*"), self._asked_run, more=keys.ASKER)
         self._hear_events()
         self.partners.declare(self._process.scheduler.every)
         self.coordinators.declare(self._bus_session, self._process.scheduler.every)
@@ -275,9 +273,9 @@ class Missions:
 
     def _record(self, state: RunState, kind: EventKind, text: str) -> None:
         """Write an event of a run, with who started it, into the history of the edge."""
-        asker = Requester(Transport(state.way), state.by, proven=state.way == Transport.MISSION)
         severity = Severity.INFO if state.outcome in ("", "completed") else Severity.WARNING
-        event = EventReport(self._process.clock.time(), kind, text, severity, asker, state.mission, state.run)
+        asker, now = self._askers.starter(state), self._process.clock.time()
+        event = EventReport(now, kind, text, severity, asker, state.mission, state.run)
         self._process.history.add("", event)
 
     def _asked_mission(self, question: Query) -> None:
@@ -296,7 +294,7 @@ class Missions:
             return
 
         def made() -> tuple[Mission, StartAsk]:
-            ask = self._asked(question)
+            ask = self._askers.start(question)
             return self._missions.asked(name, ask), ask
 
         began = partial(self._tell_started, name, question)
@@ -304,20 +302,6 @@ class Missions:
             self.starts.check(made, partial(self.rehearsals.begin, question), began)
         else:
             self.starts.begin(made, Transport.BUS, began)
-
-    def _asked(self, question: Query) -> StartAsk:
-        """Return what is asked; raises Refused, DecodeError."""
-        if "*" in question.asked:
-            raise Refused("a mission is started on one edge", hint="name the edge and the mission")
-        if len(question.payload) > LARGEST:
-            raise Refused(f"the mission is larger than {LARGEST >> 20} MiB")
-        ask = decode_json(question.payload, StartAsk)
-        if ask.run:
-            check_run_id(ask.run)
-        needed = Permission.OPERATE if ask.mission is None else Permission.ADMIN
-        if refusal := console_refusal(question, needed):
-            raise Refused(refusal)
-        return ask
 
     def _tell_started(
         self, name: str, question: Query, run: str, roles: Mapping[str, Sequence[str]], refusal: str
@@ -351,8 +335,10 @@ class Missions:
         if ask.do == "results":
             self.results.answer(question, key, run)
             return
-        refusal = console_refusal(question, Permission.OPERATE)
-        told(refusal) if refusal else self.runs.control(run, ask, told)
+        try:
+            self.runs.control(run, self._askers.control(question, run, ask), told)
+        except Refused as error:
+            told(str(error))
 
     def _tell_story(self, question: Query, run: str, story: list[Told]) -> None:
         """Answer with a run's story; none of a run that is another edge's."""
