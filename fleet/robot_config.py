@@ -1,7 +1,7 @@
-"""What fleet.yaml may say of any robot; an adapter's own config adds its fields to these.
+"""Fields that every robot has in fleet.yaml; the config of an adapter adds its own.
 
-Pydantic models: frozen, unknown keys refused, every field described (the reference in docs/ is made
-from the descriptions).
+Pydantic models: frozen, unknown keys refused, every field described. The configuration reference in docs/ is
+generated from the descriptions.
 """
 
 from __future__ import annotations
@@ -31,14 +31,14 @@ __all__ = [
 ]
 
 MAIN = "main"
-"""The worker name that means: in the edge's own process."""
+"""The worker name of the edge's own process."""
 
 Name = Annotated[str, Field(pattern=r"^[a-z][a-z0-9_-]{0,62}$")]
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 
 
 class Limits(Model):
-    """How far a robot may go in anybody's hands; a setpoint beyond is clamped, a goal refused."""
+    """Motion limits of a robot; a setpoint beyond them is clamped, a goal refused."""
 
     speed: Positive | None = Field(None, description="Horizontal speed, m/s.")
     vertical_speed: Positive | None = Field(None, description="Climb and descent speed, m/s.")
@@ -47,13 +47,13 @@ class Limits(Model):
     distance: Positive | None = Field(None, description="Farthest distance from home, m.")
 
     def over(self, other: Limits) -> Limits:
-        """Return these limits with what they leave open taken from ``other``."""
+        """Return these limits, completed from ``other``."""
         given = {name: value for name, value in self if value is not None}
         return other.model_copy(update=given)
 
 
 class Separation(Model):
-    """How far the robots of one edge are kept from each other; every kind of robot has its own defaults."""
+    """Minimum distance between the robots of one edge; each kind of robot has its own defaults."""
 
     radius: Positive | None = Field(
         None,
@@ -75,7 +75,7 @@ class Separation(Model):
     )
 
     def over(self, other: Separation) -> Separation:
-        """Return this with what it leaves open taken from ``other``."""
+        """Return this separation, completed from ``other``."""
         given = {name: value for name, value in self if value is not None}
         return other.model_copy(update=given)
 
@@ -84,7 +84,7 @@ SourceType = Literal["edge", "edge_leader", "edge_follower", "tele", "edit", "si
 
 
 class Accepts(Model):
-    """Which source types this robot obeys; stops are obeyed from anyone."""
+    """Source types that this robot obeys; stops are obeyed from any source."""
 
     command: frozenset[SourceType] | None = Field(
         None,
@@ -104,7 +104,7 @@ class Accepts(Model):
 
 
 class WorldOrigin(Model):
-    """The place on Earth where this robot's world frame has its origin."""
+    """The place on Earth of the origin of this robot's world frame."""
 
     latitude: float = Field(ge=-90, le=90, description="Degrees, WGS-84.")
     longitude: float = Field(ge=-180, le=180, description="Degrees, WGS-84.")
@@ -115,7 +115,7 @@ class WorldOrigin(Model):
 
 
 def _simple(corners: tuple[tuple[float, float], ...]) -> tuple[tuple[float, float], ...]:
-    """Refuse a polygon whose sides cross, or that has no area."""
+    """Refuse a polygon that has crossing sides or no area."""
     if not is_simple(corners):
         raise ValueError("the sides of a polygon must not cross, and it must have an area")
     return corners
@@ -126,7 +126,7 @@ Corners = Annotated[tuple[Corner, ...], Field(min_length=3, max_length=100), Aft
 
 
 def _bracketed(given: object) -> object:
-    """Refuse, as one problem, brackets that make no list of lists of corners; else each number is one."""
+    """Validate the nesting of the brackets, so that a missing one is one error, not one per number."""
     polygons = _as_tuples(given)
     for number, polygon in enumerate(polygons if isinstance(polygons, tuple) else (), 1):
         corners = polygon if isinstance(polygon, tuple) else (polygon,)
@@ -140,7 +140,7 @@ def _bracketed(given: object) -> object:
 
 
 def _as_tuples(value: object) -> object:
-    """Return lists as tuples: behind a check of ours, pydantic takes no list for one any more."""
+    """Convert lists to tuples: after a validator of our own, pydantic accepts no list for a tuple."""
     return tuple(map(_as_tuples, value)) if isinstance(value, list | tuple) else value
 
 
@@ -148,7 +148,7 @@ Polygons = Annotated[tuple[Corners, ...], Field(max_length=20), BeforeValidator(
 
 
 class FenceConfig(Model):
-    """Where a robot may be. How high and how far from home is said by its limits."""
+    """Where a robot may be. Its limits define how high and how far from home."""
 
     frame: Literal["world", "geodetic"] = Field(
         "world", description="What corners are: [x, y] metres in the world, or [latitude, longitude]."
@@ -164,7 +164,7 @@ class FenceConfig(Model):
 
     @model_validator(mode="after")
     def _on_earth(self) -> Self:
-        """Refuse degrees that are none."""
+        """Refuse geodetic corners that are not valid degrees."""
         corners = [corner for polygon in (*self.inclusion, *self.exclusion) for corner in polygon]
         if self.frame == "geodetic" and any(abs(lat) >= 90 or abs(lon) > 180 for lat, lon in corners):
             raise ValueError("geodetic corners are [latitude, longitude] in degrees")
@@ -175,7 +175,7 @@ Percent = Annotated[float, Field(ge=0, le=100, allow_inf_nan=False)]
 
 
 class BatteryPolicy(Model):
-    """What is done about a battery that runs low; the autopilot's own fail-safe comes beside it."""
+    """Reaction to a low battery; the autopilot's own fail-safe remains active."""
 
     reserve: Percent = Field(
         15.0,
@@ -265,7 +265,7 @@ class AdapterConfig(TopicsConfig):
 
     @model_validator(mode="after")
     def _placed_once(self) -> Self:
-        """Refuse a start beside an origin, and a heading that must be in degrees."""
+        """Refuse a start beside an origin, and a start heading that must be in degrees."""
         if self.start is None:
             return self
         if self.origin is not None:
@@ -276,7 +276,7 @@ class AdapterConfig(TopicsConfig):
 
     @model_validator(mode="after")
     def _leads_or_follows(self) -> Self:
-        """Refuse a leader that would be led, by itself above all, and a follower that does not accept one."""
+        """Refuse a leader that follows, a robot that follows itself, and one that refuses its leader."""
         is_led = "edge_leader" in (self.accepts.command or ())
         if self.follows == self.twin:
             raise wrong("follows", "this is the robot's own twin: a robot cannot follow itself")
@@ -288,26 +288,26 @@ class AdapterConfig(TopicsConfig):
             raise wrong("follows", "its leader is not obeyed: put edge_leader into accepts.command")
         return self
 
-    def timeout_of(self, command: str) -> float | None:  # noqa: ARG002 - for those that let it be said
-        """Return the seconds until a command is given up, None: as the adapter declares it."""
+    def timeout_of(self, command: str) -> float | None:  # noqa: ARG002 - for overriders
+        """Return the timeout of a command in seconds; None: as the adapter declares it."""
         return None
 
     def plans(self) -> frozenset[str]:
-        """Return for which autopilots and kinds of vehicle a plan may be made that the robot flies.
+        """Return the autopilots and kinds of vehicle whose plans the robot can fly.
 
-        Words of QGroundControl's plans: px4, ardupilot; multirotor, plane, vtol, rover. Empty: any.
+        In the terms of QGroundControl's plans: px4, ardupilot; multirotor, plane, vtol, rover. Empty: any.
         """
         return frozenset()
 
     def body_parts(self) -> tuple[BodyPart, ...]:
-        """Return the parts of the robot's body, for drawings of it; empty: nobody has described them."""
+        """Return the parts of the robot's body, for drawings; empty if not described."""
         return ()
 
     @property
     def failsafe_after(self) -> float | None:
-        """Seconds in which the robot's own fail-safe ends motion that nobody commands any more; or None.
+        """Seconds within which the robot's own fail-safe ends motion without commands, or None.
 
-        The standby edge of a pair moves a robot only after that, or after a stop of its own.
+        The standby edge of a pair moves a robot only after this time, or after a stop of its own.
         """
         return None
 
@@ -320,5 +320,5 @@ class AdapterConfig(TopicsConfig):
 
     @property
     def simulated(self) -> bool:
-        """True when the robot is a simulation: its ``link`` begins with ``sim:``."""
+        """True if the robot is a simulation: its ``link`` begins with ``sim:``."""
         return str(getattr(self, "link", "")).startswith("sim:")

@@ -1,8 +1,8 @@
-"""The grammar of a mission, ``version: 1``: what fleet.yaml and mission files may say.
+"""The grammar of a mission, ``version: 1``, in fleet.yaml and mission files.
 
-Closed on purpose: no templates, no expressions, no embedded code, so that a mission can be checked with line
-and column, drawn, rehearsed, and read again after a crash. ``short_forms.normalised`` brings short forms to
-their long form and puts values in the place of ``{input: NAME}`` before the models see the data.
+It is closed on purpose: no templates, no expressions, no embedded code. So a mission can be checked with line
+and column, drawn, rehearsed, and read again after a crash. ``short_forms.normalised`` expands short forms and
+replaces ``{input: NAME}`` by values before the models validate the data.
 """
 
 from __future__ import annotations
@@ -17,24 +17,24 @@ from fleet.robot_config import Name
 from fleet.yaml_model import Model, wrong
 
 ALL = "all"
-"""In the place of a role: every robot of the run."""
+"""Pseudo-role for every robot of the run."""
 VERBS = ("command", "goto", "path", "plan", "follow", "mission")
 """What a role may do in a step: exactly one of them."""
 ACTIONS = ("do", "wait", "wait_for", "ask", "repeat")
-"""What a step is: exactly one of them."""
+"""Kinds of steps: exactly one of them."""
 NEVER_REPEATED = frozenset({"arm", "takeoff", "release", "drop", "kill", "disarm", "grip"})
-"""Commands that are never tried again: nobody knows what the first try did."""
+"""Commands that are never retried, because the effect of the first try is unknown."""
 REPEATABLE = frozenset({"goto", "path"})
-"""Verbs whose repetition leads to the same state."""
-FOLLOW_AT = 3.0  # m behind another robot, where nobody says
-DEEPEST = 3  # repeats within each other
+"""Verbs that lead to the same state when repeated."""
+FOLLOW_AT = 3.0  # m behind another robot, by default
+DEEPEST = 3  # levels of repeats
 _DURATION = re.compile(r"(\d+(?:\.\d+)?) ?(s|min|h)")
 _SECONDS = {"s": 1.0, "min": 60.0, "h": 3600.0}
 LONGEST = 86_400.0  # s
 
 
 def _seconds(given: Any) -> Any:
-    """Return the seconds of ``60 s``, ``12 min`` or ``1 h``; anything else as it is."""
+    """Convert ``60 s``, ``12 min`` or ``1 h`` to seconds; return other values unchanged."""
     if not isinstance(given, str):
         return given
     match = _DURATION.fullmatch(given.strip())
@@ -54,7 +54,7 @@ Verb = Literal["command", "goto", "path", "plan", "follow", "mission"]
 
 
 def _goal(given: Any) -> Any:
-    """Refuse what is neither the name of a place nor a point."""
+    """Refuse a value that is neither the name of a place nor a point."""
     trouble = "" if isinstance(given, str | None) else point_trouble(given)
     if trouble:
         raise ValueError(trouble)
@@ -62,7 +62,7 @@ def _goal(given: Any) -> Any:
 
 
 def _path(given: Any) -> Any:
-    """Refuse what is neither a file, a list of points, nor a list with one of these for each robot."""
+    """Refuse a value that is no file, no list of points, and no list of these per robot."""
     if isinstance(given, str | None):
         return given
     if not isinstance(given, list) or not 1 <= len(given) <= MOST_POINTS:
@@ -83,13 +83,13 @@ def _points(given: Any) -> list[Any]:
 
 
 class _Words(Model):
-    """A model some of whose keys are words of Python."""
+    """Base of models with keys that are keywords of Python."""
 
     model_config = ConfigDict(serialize_by_alias=True)
 
 
 class InputConfig(Model):
-    """A value that is given when the mission is started; used as a whole: ``{input: NAME}``."""
+    """A value given at the start of the mission; referenced as a whole value by ``{input: NAME}``."""
 
     type: Literal["number", "integer", "text", "boolean", "place", "robot"] = Field(
         description="What it is: number, integer, text, boolean, place or robot."
@@ -111,7 +111,7 @@ class InputConfig(Model):
         return self
 
     def trouble(self, value: Any) -> str:
-        """Return why a value cannot be this input; empty when it can."""
+        """Return why a value is invalid for this input; empty if it is valid."""
         kinds: dict[str, tuple[type, ...]] = {"number": (int, float), "integer": (int,), "boolean": (bool,)}
         allowed = kinds.get(self.type, (str,))
         if not isinstance(value, allowed) or (isinstance(value, bool) and self.type != "boolean"):
@@ -125,7 +125,7 @@ class InputConfig(Model):
 
     @property
     def sample(self) -> Any:
-        """A value of this type, to check what uses it before it is given."""
+        """A value of this type, for validation of the mission before the value is known."""
         if self.default is not None:
             return self.default
         if self.type in {"number", "integer"}:
@@ -147,7 +147,7 @@ class CountConfig(Model):
 
 
 class RoleConfig(_Words):
-    """A part in the mission, filled by robots when it starts."""
+    """A role in the mission, filled with robots when it starts."""
 
     from_: Name | None = Field(None, alias="from", description="A group or a robot. Left out: any robot.")
     kind: Name | None = Field(None, description="Only robots of this adapter.")
@@ -167,21 +167,21 @@ class RoleConfig(_Words):
 
 
 class BatteryConfig(Model):
-    """Bounds on a battery, percent."""
+    """Bounds of a battery's charge in percent."""
 
     min: Percent | None = Field(None, description="At least.")
     max: Percent | None = Field(None, description="At most.")
 
 
 class RequireConfig(Model):
-    """What every robot must have at the start, and before each step that moves it."""
+    """Requirements of every robot at the start and before each step that moves it."""
 
     health: Literal["ok", "degraded"] = Field("degraded", description="At least this well.")
     battery: BatteryConfig = Field(BatteryConfig(), description="Percent, as in {min: 60}.")
 
 
 class ConditionConfig(Model):
-    """Something that is so, or is not, of the robots of a role: exactly one of battery, health, event."""
+    """A condition on the robots of a role: exactly one of battery, health, event."""
 
     role: Name = Field(description="Whose; all: of every robot.")
     of: Literal["any", "all"] = Field("any", description="Of how many of them.")
@@ -197,7 +197,7 @@ class ConditionConfig(Model):
 
 
 class WaitForConfig(ConditionConfig):
-    """Wait until something is so."""
+    """Wait until a condition holds."""
 
     timeout: Duration = Field(description="How long at the most, as in 10 min.")
     on_timeout: Literal["continue", "fail"] = Field("fail", description="What happens then.")
@@ -250,7 +250,7 @@ class ActConfig(_Words):
 
     @property
     def verb(self) -> str:
-        """Which of the verbs it is."""
+        """The verb that is set."""
         return next(verb for verb in VERBS if getattr(self, verb) is not None)
 
     @model_validator(mode="after")
@@ -276,7 +276,7 @@ class ActConfig(_Words):
 
 
 class RobotFailedConfig(Model):
-    """What happens when a robot fails in a step."""
+    """Reaction to a robot that fails in a step."""
 
     do: str = Field("hold", min_length=1, max_length=64, description="hold, or a command such as land.")
     then: Literal["continue", "wait", "fail"] = Field(
@@ -286,7 +286,7 @@ class RobotFailedConfig(Model):
 
 
 class RepeatConfig(Model):
-    """Steps that are carried out again."""
+    """Steps that are executed repeatedly."""
 
     times: int = Field(ge=1, le=1000, description="How often; with until: how often at the most.")
     until: ConditionConfig | None = Field(None, description="End once this is so.")
@@ -326,7 +326,7 @@ class StepConfig(_Words):
 
     @property
     def mission(self) -> tuple[str, ActConfig] | None:
-        """The role that carries a mission in this step, and what it says of it."""
+        """The role that executes an inner mission in this step, with its act."""
         return next(((role, act) for role, act in (self.do or {}).items() if act.mission), None)
 
     @model_validator(mode="after")
@@ -342,7 +342,7 @@ class StepConfig(_Words):
 
 
 class MissionConfig(Model):
-    """What a fleet shall do."""
+    """A mission: tasks for a fleet."""
 
     version: Literal[1] = Field(description="The version of this grammar: 1.")
     summary: str = Field("", max_length=200, description="One line for people.")

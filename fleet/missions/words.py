@@ -1,4 +1,4 @@
-"""What runs do, as sentences for people who have not read the grammar."""
+"""Descriptions of runs as sentences for readers who do not know the grammar."""
 
 from __future__ import annotations
 
@@ -39,16 +39,16 @@ OUTCOMES: Mapping[str, str] = MappingProxyType(
 
 
 def step_of(name: str) -> str:
-    """Return a step as the mission calls it: without the number by which the run tells repeats apart."""
+    """Return the mission's name of a step, without the number that distinguishes its repetitions."""
     return _SERIAL.sub("", name)
 
 
 def phase_words(phase: str, step: str) -> str:
-    """Return what a run does."""
+    """Describe the phase of a run."""
     return PHASES.get(phase, phase).format(step=step_of(step))
 
 
 def told_line(text: str, robot: str, step: str) -> str:
-    """Return a line of a run's story as a sentence."""
+    """Return a line of a run's log as a sentence."""
     said = f"{robot} {text}" if robot else text
     return f"{said} (step {step_of(step)})" if step else said
