@@ -353,7 +353,7 @@ class FrameAdapter(AdapterBase[ConfigT]):
         raise Unsupported(f"{type(self).__name__} takes no velocities: {velocity}")
 
     def joint_ranges(self) -> Mapping[str, JointRange]:
-        """Return the joints that take targets; as an Adapter's. A robot that has some overrides both."""
+        """Return the joints that accept targets, as in Adapter; override ``encode_joints`` as well."""
         return {}
 
     def encode_joints(self, targets: Mapping[str, float]) -> Iterable[bytes]:  # noqa: ARG002 - for overriders

@@ -137,7 +137,7 @@ class FleetWatch:
 
     # -- callbacks, on the threads of the bus --------------------------------------------------------------
 
-    def _token(self, session: int, key: str, alive: bool) -> None:  # noqa: FBT001 - called by the bus
+    def _token(self, session: int, key: str, alive: bool) -> None:  # noqa: FBT001 - signature of the bus callback
         """Record the appearance or loss of an edge's token on a session."""
         name = key.split("/")[1]
         now = self._clock.time()

@@ -1,4 +1,4 @@
-"""Steps in which robots follow others: whom, and when that ends; pure."""
+"""Checks of steps in which robots follow others: whom, and when the step ends; pure."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from fleet.missions.model import ALL, ActConfig, MissionConfig, StepConfig
 
 
 class FollowProblem(msgspec.Struct, frozen=True):
-    """What is wrong, where in its step, and what to do."""
+    """An error, its path within the step, and a hint."""
 
     path: Path
     message: str
@@ -19,7 +19,7 @@ class FollowProblem(msgspec.Struct, frozen=True):
 
 
 def follow_problems(step: StepConfig, mission: MissionConfig) -> Iterator[FollowProblem]:
-    """Yield what is wrong with who follows whom in a step."""
+    """Yield the errors of ``follow`` in a step."""
     acts = step.do or {}
     for role, act in step.undo.items():
         if act.follow is not None:
@@ -36,7 +36,7 @@ def follow_problems(step: StepConfig, mission: MissionConfig) -> Iterator[Follow
 
 
 def _trouble(leader: str, mission: MissionConfig) -> str:
-    """Return why nobody can follow a role; empty when its robot can be followed."""
+    """Return why a role cannot be followed; empty if it can."""
     if leader == ALL:
         return "all is every robot"
     if leader not in mission.roles:
@@ -46,7 +46,7 @@ def _trouble(leader: str, mission: MissionConfig) -> str:
 
 
 def _way_back(role: str, acts: Mapping[str, ActConfig]) -> str:
-    """Return why nobody goes ahead of those who follow; empty when somebody does."""
+    """Return why a chain of followers has no leader; empty if it has one."""
     before: list[str] = []
     act = acts.get(role)
     while act is not None and act.follow is not None:

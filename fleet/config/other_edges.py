@@ -1,4 +1,4 @@
-"""What fleet.yaml says of other edges: partners in missions, and the pair of which one edge is standby."""
+"""Sections about other edges: partners in missions, and the pair with a standby edge."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ class PartnerConfig(Model):
 
 
 def check_server(text: str) -> str:
-    """Refuse what is no address of a NATS server."""
+    """Refuse an invalid address of a NATS server."""
     if _SERVER.fullmatch(text) is None:
         raise ValueError(f"{text!r} is no server; write nats://HOST:4222, or tls://HOST:4222")
     return text

@@ -1,4 +1,4 @@
-"""What fleet.yaml says of the programs beside an edge: the console and the recorder."""
+"""Sections of the programs beside an edge: the console and the recorder."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ _ENDPOINT = re.compile(r"(\[[0-9a-fA-F:.]+\]|[0-9.]+):(\d{1,5})")
 
 
 def _tcp_endpoint(given: str) -> str:
-    """Refuse what is not ADDRESS:PORT."""
+    """Refuse a text that is not ADDRESS:PORT."""
     match = _ENDPOINT.fullmatch(given)
     try:
         ipaddress.ip_address(match[1].strip("[]") if match else "")
@@ -27,7 +27,7 @@ def _tcp_endpoint(given: str) -> str:
 
 
 class ConsoleTlsConfig(Model):
-    """The certificate that the console shows to browsers (PEM files)."""
+    """The certificate that the console presents to browsers (PEM files)."""
 
     cert: ExistingPath = Field(
         description="Certificate for the name in the browser's address, and its chain."
@@ -60,7 +60,7 @@ class ConsoleConfig(Model):
 
     @model_validator(mode="after")
     def _listens_with_tls(self) -> Self:
-        """Refuse a port on which a password could be read on the way."""
+        """Refuse a port on which a password could be read on the network."""
         if self.listen is not None and self.tls is None:
             raise wrong(
                 "listen", "passwords and commands could be read and changed on the way; set tls: {cert, key}"
@@ -79,7 +79,7 @@ class ConsoleConfig(Model):
 
 
 class RecordConfig(Model):
-    """A recorder as a process beside the edge: what the robots report and are told, in MCAP files."""
+    """A recorder as a process beside the edge: reports and requests of the robots, in MCAP files."""
 
     folder: NewPath | None = Field(
         None,

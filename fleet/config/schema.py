@@ -1,4 +1,4 @@
-"""The models of fleet.yaml. Robots are checked by the ``Config`` of the adapter each one names."""
+"""The models of fleet.yaml. The ``Config`` of each robot's adapter validates the robot."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from fleet.wire.topic_rules import ChannelConfig, ChannelName, TopicsConfig
 from fleet.yaml_model import ExistingPath, Model, NewPath, wrong
 
 Mode = Literal["peer", "client", "router"]
-TOKEN = "cw_"  # noqa: S105 - how a Cyberwave token begins, whose user name follows from it
+TOKEN = "cw_"  # noqa: S105 - prefix of a Cyberwave token, which implies its user name
 
 
 def _folder(path: Path) -> Path:
@@ -31,7 +31,7 @@ def _folder(path: Path) -> Path:
 
 
 def _host(text: str) -> str:
-    """Refuse a URL or a port in the place of a host."""
+    """Refuse a URL, or a host with a port."""
     if "/" in text or text.count(":") == 1:
         raise ValueError("must be a name or an address alone; the port has a key of its own")
     return text
@@ -55,7 +55,7 @@ class SpoolAges(Model):
 
 
 class SpoolConfig(Model):
-    """What outlives the edge: messages that the cloud has not taken yet, and what safety must remember."""
+    """State that survives the edge: messages for the cloud, and the state of stops and commands."""
 
     path: NewPath | None = Field(
         None,
@@ -72,7 +72,7 @@ class SpoolConfig(Model):
 
 
 class HistoryConfig(Model):
-    """How much is kept of what was asked of the robots, by whom, and what became of it."""
+    """Limits of the history of requests to the robots, their senders and outcomes."""
 
     size: int = Field(64, ge=4, le=65536, description="Most MiB on disk; beyond it the oldest is dropped.")
     days: float = Field(
@@ -110,7 +110,7 @@ class WorkflowConfig(Model):
 
 
 class CloudConfig(TopicsConfig):
-    """The way to the Cyberwave cloud (MQTT). What is left out is taken from the environment."""
+    """The connection to the Cyberwave cloud (MQTT). Missing values are taken from the environment."""
 
     host: Host = Field(
         min_length=1, description="Name or address of the MQTT broker. Left out: CYBERWAVE_MQTT_HOST."
@@ -247,7 +247,7 @@ class BusConfig(Model):
 
 
 class MetricsConfig(Model):
-    """Figures for Prometheus, at ``/metrics``."""
+    """Prometheus metrics at ``/metrics``."""
 
     port: int = Field(9464, ge=0, le=65535, description="0 takes any that is free, and logs it.")
     host: Host = Field("127.0.0.1", description="Where it listens.")
@@ -261,7 +261,7 @@ class MetricsConfig(Model):
 
 
 class SiteConfig(Model):
-    """The frame that the robots of this edge share: east-north-up, metres."""
+    """The common frame of the robots of this edge: east-north-up, metres."""
 
     origin: tuple[float, float, float] | None = Field(
         None,
@@ -277,7 +277,7 @@ class SiteConfig(Model):
 
 
 class StopInputConfig(Model):
-    """A device whose heartbeat lets robots move: without it they are stopped. Not safety-rated."""
+    """A device whose heartbeat permits motion: without it the robots are stopped. Not safety-rated."""
 
     name: Name = Field(description="What it is called in logs and health.")
     kind: Literal["serial", "gpio", "hid"] = Field(
@@ -310,7 +310,7 @@ class StopInputConfig(Model):
 
 
 class Sections(Model):
-    """Everything in fleet.yaml but the robots themselves."""
+    """Everything in fleet.yaml except the robots."""
 
     edge: EdgeConfig = Field(description="The computer that this file is for.")
     pair: tuple[Name, Name] | None = Field(
@@ -377,7 +377,7 @@ class Sections(Model):
 
     @property
     def notified(self) -> tuple[NotifyConfig, ...]:
-        """Return who is told, with the robots of groups in the place of their names."""
+        """Return the targets of notices, with groups replaced by their robots."""
         return with_members(self.notify, self.members)
 
     @property
@@ -387,6 +387,6 @@ class Sections(Model):
 
 
 class FleetConfig(Sections):
-    """fleet.yaml as a whole."""
+    """The whole fleet.yaml."""
 
     robots: tuple[AdapterConfig, ...] = Field(description="The robots, each with its adapter's own fields.")

@@ -45,7 +45,10 @@ class Seen:
         return ", ".join(words)
 
     def lacks(self, robot: str, require: Require) -> str:
-        """Return what a robot lacks of what is required; empty for nothing. Unknown counts as lacking."""
+        """Return the first requirement that a robot does not meet, else an empty text.
+
+        Unknown values do not meet a requirement.
+        """
         facts = self._facts.get(robot)
         if facts is None:
             return "nothing is known of it yet"

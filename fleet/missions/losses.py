@@ -19,7 +19,7 @@ Then = Literal["continue", "wait", "fail"]
 
 
 class Losses:
-    """The losses of one run; ``now`` is the time of the event, ``look`` sees whether the step is over."""
+    """Handles the losses of one run; ``now`` is the time of the event, ``look`` checks the step."""
 
     def __init__(
         self,

@@ -146,7 +146,7 @@ def plan_needs(plan: Mapping[str, Any]) -> set[str]:
 
 
 def plans_taken(kinds: Iterable[str]) -> set[str]:
-    """Return what a robot takes that flies plans made for these autopilots and vehicles; none given: any."""
+    """Return the capabilities of a robot for plans of these autopilots and vehicles; none given: any."""
     return {PLAN, *(_FOR + each for each in set(kinds) or frozenset().union(*_KINDS))}
 
 

@@ -243,7 +243,7 @@ class Run:
                 pass
 
     def _command(self, robot: str, act: Act, identity: str, *, prepares: bool = False) -> None:
-        """Command a robot once, or prepare it, unless its part is over or it has left the run meanwhile."""
+        """Command or prepare a robot, at most once, unless its part has ended or it has left the run."""
         part = self.engine.robots.parts.get(identity)
         if (identity in self._sent or part is None or not part.inflight) and not prepares:
             return

@@ -185,7 +185,7 @@ class Runs:
     def _require_authority(
         self, program: Program, roles: Mapping[str, Sequence[str]], origin: Origin
     ) -> None:
-        """Raise Refused unless every robot lets the asker do every step: a mission gives nobody rights."""
+        """Raise Refused unless the sender may command every robot and step: a mission grants no rights."""
         needs = needs_of(program)
         for role, robots in roles.items():
             need = needs.get(role.removeprefix(spare_of("")), frozenset())

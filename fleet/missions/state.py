@@ -250,7 +250,7 @@ class Occupied(msgspec.Struct, frozen=True):
 
 
 class Facts(msgspec.Struct, frozen=True):
-    """What is seen of a robot: ``position`` in metres, ``progress`` a word that changes as it gets on."""
+    """Observed facts of a robot: ``position`` in metres, ``progress`` a text that changes as it moves on."""
 
     robot: str
     health: str = "ok"

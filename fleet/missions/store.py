@@ -141,7 +141,7 @@ class Store:
         return any(ended for (ended,) in self._thread.submit(self._rows_of, run).result())
 
     def unfinished(self) -> list[Kept]:
-        """Return the runs that have not ended; before the first is saved. What cannot be read is told."""
+        """Return the unfinished runs; call it before the first save. Unreadable runs are reported."""
         if self._database is None:
             return []
         try:
@@ -209,7 +209,7 @@ class Store:
     def _states(self, table: str, run: str) -> list[str]:
         """Return the stored members or parts of a run."""
         assert self._database is not None
-        rows = self._database.execute(f"SELECT state FROM {table} WHERE run = ?", (run,))  # noqa: S608 - ours
+        rows = self._database.execute(f"SELECT state FROM {table} WHERE run = ?", (run,))  # noqa: S608 - constant
         return [state for (state,) in rows]
 
     def _write(
@@ -255,7 +255,7 @@ class Store:
         old = "SELECT id FROM run WHERE ended ORDER BY stamp DESC LIMIT -1 OFFSET ?"
         gone = [run for (run,) in database.execute(old, (KEPT,))]
         for table, column in (("note", "run"), ("part", "run"), ("member", "run"), ("run", "id")):
-            database.executemany(f"DELETE FROM {table} WHERE {column} = ?", [(run,) for run in gone])  # noqa: S608 - ours
+            database.executemany(f"DELETE FROM {table} WHERE {column} = ?", [(run,) for run in gone])  # noqa: S608 - constant
 
     def _ended_run(self, run: str) -> tuple[About, Head, list[Member]] | None:
         """Read an ended run; None if there is none, or the file fails."""

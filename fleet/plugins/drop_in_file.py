@@ -73,7 +73,7 @@ def import_file(path: Path) -> Imported:
             adapters.append((checked(adapter), adapter))
         except KeyboardInterrupt:
             raise
-        except BaseException as error:  # noqa: BLE001 - the checks run the plugin's annotations and methods
+        except BaseException as error:  # noqa: BLE001 - the checks run the plugin's own annotations and methods
             reports.append(f"{adapter.__name__}: {why(error, path)}")
     return Imported(tuple(adapters), tuple(reports))
 

@@ -144,7 +144,7 @@ class _Robot:
         """Record the radius of the robot's circle in m."""
         self.circle = radius
 
-    def leave_halt(self, link: Link, frames: Iterable[bytes], address: Address = None) -> None:  # noqa: ARG002 - nobody else opens it here
+    def leave_halt(self, link: Link, frames: Iterable[bytes], address: Address = None) -> None:  # noqa: ARG002 - no supervisor opens it here
         """Record the frames that would halt the robot after the death of its process."""
         self.left_halts.append(tuple(frames))
 
