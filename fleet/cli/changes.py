@@ -1,4 +1,4 @@
-"""``fleet diff`` and ``fleet apply``: a changed fleet file, and the edge that runs with the one before."""
+"""``fleet diff`` and ``fleet apply``: a changed fleet file and its running edge."""
 
 from __future__ import annotations
 
@@ -37,9 +37,9 @@ file_argument = click.argument("file", default="fleet.yaml", type=click.Path())
 def diff(out: Output, file: str) -> ExitCode:
     """Show what FILE (fleet.yaml when left out) would change in the edge that runs with it.
 
-    Each robot on one line: rebuilt, settings only, added, removed, untouched; what needs a restart,
-    and what would be refused now, with the reason. Secrets are masked. An edge that does not run is compared
-    with what it last ran with. Exit code 0: the same, 7: different.
+    One line for each robot: rebuilt, settings only, added, removed, untouched; needs a restart; or would be
+    refused now, with the reason. Secrets are masked. If the edge does not run, its last configuration is
+    compared. Exit code 0: the same, 7: different.
     """
     loaded = load(file)
     outline = outline_of(loaded)
@@ -67,12 +67,13 @@ def apply(
 ) -> ExitCode:
     """Have the edge that runs with FILE (fleet.yaml when left out) read it again and take it over.
 
-    Robot by robot; the others go on. A robot that is commanded, armed or moves, or that somebody controls, is
-    not rebuilt or removed; of its settings only what is stricter is taken over. What fails is taken back for
+    Robot by robot; the others go on. A robot that is commanded, armed, moving or controlled by somebody is
+    not rebuilt or removed; of its settings only stricter ones are applied. A failed change is reverted for
     that robot.
-    Exit code 0: all is taken over, 5: nothing, 7: a part; fleet diff shows what is left.
 
-    With --fleet, roll bundles out to many edges in waves. Exit code 0: every wave went through, 7: it ended
+    Exit code 0: everything is applied, 5: nothing, 7: a part; fleet diff shows the rest.
+
+    With --fleet, roll bundles out to many edges in waves. Exit code 0: every wave succeeded, 7: it ended
     before.
     """
     if is_fleet:
@@ -94,7 +95,7 @@ def apply(
 
 
 def _code(changes: Iterable[Change]) -> ExitCode:
-    """Return what came of all changes together."""
+    """Return the exit code of all changes together."""
     asked = [change for change in changes if change.kind is not ChangeKind.UNTOUCHED]
     done = [change for change in asked if change.outcome is Outcome.DONE]
     if len(done) == len(asked):
@@ -104,7 +105,7 @@ def _code(changes: Iterable[Change]) -> ExitCode:
 
 
 def _since_the_last_run(out: Output, outline: Outline, folder: Path) -> tuple[Change, ...]:
-    """Return what has changed since an edge that is stopped last ran; raises NotRunning, StateError."""
+    """Return the changes since the last run of a stopped edge; raises NotRunning, StateError."""
     last = last_configuration(folder)
     if last is None:
         raise NotRunning(
@@ -118,7 +119,7 @@ def _since_the_last_run(out: Output, outline: Outline, folder: Path) -> tuple[Ch
 
 
 def _show(out: Output, changes: Iterable[Change]) -> None:
-    """Show changes, each on one line; robots that stay as they are together."""
+    """Show changes, each on one line; untouched robots together on one line."""
     changes = tuple(changes)
     out.data([msgspec.to_builtins(change) for change in changes])
     for change in changes:
@@ -130,7 +131,7 @@ def _show(out: Output, changes: Iterable[Change]) -> None:
 
 
 def line_of(change: Change) -> str:
-    """Return a change in words."""
+    """Return a change as text."""
     words = f"{change.name}: {change.kind.value}"
     if change.fields:
         words += f" because of {'; '.join(change.fields)}"

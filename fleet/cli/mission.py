@@ -1,4 +1,4 @@
-"""``fleet mission``: missions of a fleet, started, followed and controlled."""
+"""``fleet mission``: start, follow and control missions."""
 
 from __future__ import annotations
 
@@ -38,11 +38,11 @@ from fleet.missions.words import told_line
 def mission() -> None:
     """Missions: what several robots shall do together, and how it ends.
 
-    Before: ls, show, check, rehearse. Then run. While it runs: ps, pause, resume, answer, abort; fleet take
+    Before a run: ls, show, check, rehearse. Then run. During it: ps, pause, resume, answer, abort; fleet take
     takes one robot out of it, fleet stop stops robots whatever they do. Afterwards: log, results.
 
-    RUN is the id that run and ps show, or its beginning. Left out, it is the only run under way; for log and
-    results the newest.
+    RUN is the id that run and ps show, or its beginning. Left out, it is the only run in progress; for log
+    and results the newest.
     """
 
 
@@ -50,7 +50,7 @@ def mission() -> None:
 @reach_option
 @with_output
 def ls(out: Output, *, file: str | None) -> ExitCode:
-    """List the missions that the running edges know."""
+    """List the missions of the running edges."""
     with Edges.reach(file) as edges:
         found = mission_requests.missions(edges, "*")
     out.data({"missions": [msgspec.to_builtins(each) for each in found]})
@@ -66,7 +66,7 @@ def ls(out: Output, *, file: str | None) -> ExitCode:
 @reach_option
 @with_output
 def show(out: Output, name: str, *, file: str | None) -> ExitCode:
-    """Show what a mission takes, its roles and its steps."""
+    """Show the inputs, roles and steps of a mission."""
     with Edges.reach(file) as edges:
         found = known_mission(edges, name)
     out.data(msgspec.to_builtins(found))
@@ -83,10 +83,10 @@ def show(out: Output, name: str, *, file: str | None) -> ExitCode:
 @click.argument("path", metavar="FILE", type=click.Path(dir_okay=False, path_type=Path))
 @with_output
 def check(out: Output, path: Path) -> ExitCode:
-    """Check a mission file, or a plan, and tell every problem in it, with line and column.
+    """Check a mission file, or a plan, and report every error in it, with line and column.
 
-    Robots, groups, places and commands are not known here: missions in fleet.yaml are checked against them
-    by fleet check, and any mission when it is started. Exit code 3 when there is a problem.
+    Robots, groups, places and commands are not known here: missions in fleet.yaml are checked against them by
+    fleet check, and any mission when it is started. Exit code 3 for an error.
     """
     from fleet.config.missions import Known, read_mission  # noqa: PLC0415 - pydantic is slow to import
     from fleet.config.problems import InvalidConfig  # noqa: PLC0415
@@ -108,7 +108,7 @@ def check(out: Output, path: Path) -> ExitCode:
 
 
 def _check_plan(out: Output, path: Path) -> ExitCode:
-    """Check a plan file and tell what is wrong with it."""
+    """Check a plan file and report its error."""
     try:
         plan_mission(path)
     except Refused as error:
@@ -141,7 +141,7 @@ def run(
 
     MISSION is one of fleet.yaml, a mission file (.yaml), or a plan that one aircraft flies from its memory
     (.plan of QGroundControl, or JSON). Ctrl-C leaves the mission running. Exit code 0: completed, 7: with
-    losses, 8: ended otherwise, 9: nobody knows.
+    losses, 8: ended otherwise, 9: unknown.
 
     For example:  fleet mission run survey.plan --robot kestrel
     """
@@ -170,11 +170,11 @@ def run(
 def rehearse(
     out: Output, what: str, inputs: tuple[str, ...], *, robots: tuple[str, ...], file: str | None
 ) -> ExitCode:
-    """Carry a mission out with simulated robots, where the robots are now, and tell how it goes.
+    """Execute a mission with simulated robots, from the robots' present positions, and show the result.
 
-    No robot moves: the edge does it in a process of its own, faster than real time. MISSION and the exit
-    codes are those of run. A mission with rehearse: required is started for an hour after a rehearsal that
-    went well.
+    No robot moves: the edge does it in a separate process, faster than real time. MISSION and the exit codes
+    are those of run. A mission with rehearse: required can be started for an hour after a successful
+    rehearsal.
     """
     _require_a_pilot(what, robots)
     name, sent = mission_named(what)
@@ -191,9 +191,9 @@ def rehearse(
 @reach_option
 @with_output
 def ps(out: Output, *, ended: bool, file: str | None) -> ExitCode:
-    """Show the runs that are under way, with a lane for each of their robots: what it did, and does.
+    """Show the runs in progress, with the past and present acts of each of their robots.
 
-    On a terminal it follows them until they have ended, or until Ctrl-C; they go on.
+    On a terminal it follows them until they have ended, or until Ctrl-C, which does not end them.
     """
     with Edges.reach(file) as edges:
         while True:
@@ -241,7 +241,7 @@ def answer(out: Output, answer: str, run: str, *, file: str | None) -> ExitCode:
 @reach_option
 @with_output
 def story(out: Output, run: str, *, file: str | None) -> ExitCode:
-    """Tell what happened in RUN, step by step; of the newest run when left out."""
+    """Show the log of RUN, step by step; of the newest run when left out."""
     with Edges.reach(file) as edges:
         state = find_run(edges, run, ended=True)
         lines = mission_requests.story(edges, state.edge, state.run)
@@ -257,7 +257,7 @@ def story(out: Output, run: str, *, file: str | None) -> ExitCode:
 @reach_option
 @with_output
 def results(out: Output, run: str, *, file: str | None) -> ExitCode:
-    """List what RUN left behind on its edge's disk: tracks, pictures, its log; of the newest when left out.
+    """List the results of RUN on its edge's disk: tracks, pictures, its log; of the newest when left out.
 
     A track is CSV: Unix seconds, then x, y, z in metres.
     """
@@ -281,7 +281,7 @@ def results(out: Output, run: str, *, file: str | None) -> ExitCode:
 def _controlled(
     out: Output, file: str | None, run: str, ask: Callable[[str], ControlAsk], *, asks: bool = False
 ) -> ExitCode:
-    """Control a run; tell that it was taken."""
+    """Control a run and confirm it."""
     with Edges.reach(file) as edges:
         state = find_run(edges, run)
         wanted = ask(local_user())
@@ -296,7 +296,7 @@ def _controlled(
 
 
 def _require_a_pilot(what: str, robots: tuple[str, ...]) -> None:
-    """Raise UsageError for a plan that nobody is to fly."""
+    """Raise UsageError for a plan without an aircraft."""
     if Path(what).suffix in PLAN_FILES and not robots:
         raise click.UsageError("a plan is flown by one aircraft: --robot NAME")
 
@@ -309,7 +309,7 @@ def _roles_of(what: str) -> list[str]:
 
 
 def _chosen(robots: tuple[str, ...], what: str) -> dict[str, list[str]]:
-    """Return the robots that a person chose, by role; without a role where the mission has only one."""
+    """Return the chosen robots by role; the role is optional if the mission has only one."""
     chosen: dict[str, list[str]] = {}
     for each in robots:
         role, equals, name = each.rpartition("=")

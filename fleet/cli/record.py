@@ -1,4 +1,4 @@
-"""``fleet record``: what happens, in files that Foxglove opens."""
+"""``fleet record``: record reports and requests to files for Foxglove."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from fleet.runtime.event_loop import run
 
 
 def _until(context: click.Context, option: click.Parameter, text: str | None) -> float:
-    """Return the Unix seconds of a time; endless for nothing said."""
+    """Return the Unix seconds of a time; infinite without one."""
     return math.inf if text is None else time_of(context, option, text)
 
 
@@ -94,7 +94,7 @@ async def _record(out: Output, task: RecordTask, length: float) -> ExitCode:
 @of_file_option
 @with_output
 def list_files(out: Output, *, folder: Path | None, file: str | None) -> None:
-    """Show the files of a recording; one that is still written, or was cut off, has no count yet."""
+    """Show the files of a recording; one in progress, or cut off, has no count yet."""
     from fleet.record.export import recorded_in  # noqa: PLC0415 - its packages are an extra
 
     found = recorded_in(_folder(folder, file))
@@ -133,7 +133,7 @@ def export(
 
 
 def _folder(given: Path | None, file: str | None) -> Path:
-    """Return the folder that is meant; raises an error of the command line without the extra."""
+    """Return the selected folder; raises an error of the command line without the extra."""
     if not is_installed():
         raise click.ClickException(EXTRA)
     if given is not None or file is None:

@@ -29,7 +29,7 @@ _FILE = click.argument("file", default="fleet.yaml", type=click.Path(path_type=P
 
 
 def _choose(_context: click.Context, _option: click.Parameter, edge: str | None) -> None:
-    """Have the file of a pair read as that of one of its edges."""
+    """Select the edge when the file of a pair is read."""
     if edge is not None:
         os.environ[EDGE_ID] = edge
 
@@ -68,8 +68,8 @@ def service() -> None:
 def install_(out: Output, file: Path, *, root: Path | None, shown: bool, no_start: bool) -> None:
     """Install the edge of FILE as a service, and start it. Needs root; after a change, run it again.
 
-    A service that runs goes on with its old unit until  systemctl restart fleet-EDGE: its robots are not
-    stopped by an install.
+    A running service continues with its old unit until  systemctl restart fleet-EDGE: an install does not
+    stop its robots.
     """
     spec = _spec(file)
     if shown:
@@ -92,7 +92,7 @@ def install_(out: Output, file: Path, *, root: Path | None, shown: bool, no_star
 def status(out: Output, file: Path) -> ExitCode:
     """Show whether the service of the edge of FILE runs, since when, and how often it was restarted.
 
-    Exit code 4 when it does not run. The robots: fleet ps.
+    Exit code 4 if it does not run. The robots: fleet ps.
     """
     edge = _edge(file)
     found = status_of(edge, run_program)
@@ -118,7 +118,8 @@ def status(out: Output, file: Path) -> ExitCode:
 def logs(out: Output, file: Path, *, follow: bool, last: int, robot: str | None) -> None:
     """Show the log of the service of the edge of FILE, from the journal of systemd.
 
-    Starts before the log of the edge, and has also what systemd says of it. With --json journald's own form.
+    It starts before the log of the edge, and includes the messages of systemd. With --json journald's own
+    form.
     """
     program = shutil.which("journalctl")
     if program is None:
@@ -127,7 +128,7 @@ def logs(out: Output, file: Path, *, follow: bool, last: int, robot: str | None)
     command += ["--follow"] * follow + ["--output=json"] * out.as_json
     command += [f"FLEET_ROBOT={robot}"] if robot else []
     sys.stdout.flush()
-    os.execv(program, command)  # noqa: S606 - its output and its signals are ours
+    os.execv(program, command)  # noqa: S606 - takes over our output and signals
 
 
 @service.command("uninstall")
@@ -156,12 +157,12 @@ def _runner(root: Path | None) -> Run | None:
 
 
 def _spec(file: Path) -> ServiceSpec:
-    """Return what the service of a fleet file is made from; raises ConfigError."""
+    """Return the description of the service of a fleet file; raises ConfigError."""
     loaded = load(file)
     if loaded.config.pair is not None and not os.environ.get(EDGE_ID):
         which = " or ".join(loaded.config.pair)
         raise ConfigError(f"{file} is for a pair of edges: --edge-id {which} says which one this is")
-    absolute = Path(os.path.abspath(file))  # noqa: PTH100 - links such as current/fleet.yaml stay as they are
+    absolute = Path(os.path.abspath(file))  # noqa: PTH100 - keeps links such as current/fleet.yaml
     return spec_of(loaded, absolute, Path(sys.executable))
 
 

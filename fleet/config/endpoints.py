@@ -85,7 +85,7 @@ def listening_danger(endpoint: str, proof: Proof, insecure: Insecure) -> str:
 
 
 def connecting_danger(endpoint: str, proof: Proof, insecure: Insecure) -> str:
-    """Return who could take the place of whom we connect to, and command the robots; empty for nobody."""
+    """Return who could impersonate a peer that we connect to, and command the robots; empty if none."""
     if proof.password or is_encrypted(endpoint):
         return ""
     return _danger(endpoint, insecure, "could answer there instead, and command the robots")

@@ -115,7 +115,7 @@ def _one_of(names: Mapping[str, str]) -> dict[str, Any]:
 
 
 def _defaults(kinds: Iterable[dict[str, Any]], description: str) -> dict[str, Any]:
-    """Return the schema of ``defaults``: whatever some kind of robot may have, but its own three keys."""
+    """Return the schema of ``defaults``: the fields of every kind of robot, except those that identify it."""
     properties: dict[str, list[object]] = {}
     for kind in kinds:
         for key, value in kind["properties"].items():

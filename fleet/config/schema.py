@@ -47,7 +47,7 @@ Age = Annotated[float, Field(gt=0, le=30 * 86400, allow_inf_nan=False)]
 
 
 class SpoolAges(Model):
-    """How long what the cloud has not taken is worth keeping, in seconds; older is dropped, and told."""
+    """Lifetimes of messages that the cloud has not accepted, in seconds; older ones are dropped."""
 
     reply: Age = Field(60.0, description="Answers to commands.")
     status: Age = Field(86400.0, description="The status of actions.")
