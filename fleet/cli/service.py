@@ -148,7 +148,7 @@ def uninstall_(out: Output, file: Path, *, root: Path | None) -> None:
 
 
 def _runner(root: Path | None) -> Run | None:
-    """Return what runs programs: nothing below another root. Raises ServiceError without the rights."""
+    """Return the function that runs programs, None below another root; raises ServiceError if not root."""
     if root is not None:
         return None
     if not is_root():

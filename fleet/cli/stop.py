@@ -83,7 +83,7 @@ class StopAttempt:
 
 
 class Supervisors:
-    """The supervisors of one runtime folder: asked without the bus, so also while their edges are away."""
+    """A thread that sends a stop to the supervisors of one runtime folder; works while edges are away."""
 
     def __init__(self, directory: Path, asked: StopTarget) -> None:
         self.answers: list[StopAnswer] = []

@@ -140,7 +140,7 @@ class CommonStart:
         return asked
 
     def _told(self) -> dict[str, str]:
-        """Tell all processes the instant; return why some robots will not begin, or are not known to."""
+        """Send the instant to all processes; return errors by robot, also for a missing confirmation."""
         left = self._at - SPARE - time.time()
         if left <= 0:
             late = f"it took until {-left:.1f} s too late to prepare all; name a later time"

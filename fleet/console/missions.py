@@ -1,4 +1,4 @@
-"""Missions from the console: started and controlled as from the command line, by the operator's name."""
+"""Missions from the console: started and controlled as from the command line, in the operator's name."""
 
 from __future__ import annotations
 
@@ -19,8 +19,8 @@ from fleet.missions.rehearsal import RehearsalAsk, RehearsalState
 from fleet.missions.report import ControlAsk, Controlled, StartAsk, Started
 from fleet.runtime.decoding import decode_json
 
-LOOK = 0.3  # s between two questions for how a rehearsal goes
-ANSWER_WITHIN = 15.0  # s for an edge to start a mission: its robots join it first
+LOOK = 0.3  # s between polls of a rehearsal
+ANSWER_WITHIN = 15.0  # s for an edge to start a mission: its robots join the run first
 
 T = TypeVar("T")
 
@@ -41,9 +41,9 @@ def start(
 async def rehearse(
     asked: RehearseAsked, lanes: Sequence[ZenohSession], operator: Operator
 ) -> AsyncIterator[RehearsalState]:
-    """Rehearse a mission; yield how it goes, the last with its result. Raises Refused, TimedOut.
+    """Rehearse a mission; yield its progress, the last one with its result. Raises Refused, TimedOut.
 
-    Whoever does not ask on ends it: the edge gives up a rehearsal that nobody asks for.
+    To end it, stop iterating: the edge gives up a rehearsal that is no longer polled.
     """
     key = keys.mission(asked.edge, asked.name)
     wanted = StartAsk(inputs=asked.inputs, session_id=operator.name)
@@ -60,7 +60,7 @@ async def rehearse(
 async def _state(
     key: str, wanted: msgspec.Struct, lanes: Sequence[ZenohSession], operator: Operator, do: str
 ) -> RehearsalState:
-    """Ask how a rehearsal goes; raises Refused, TimedOut."""
+    """Poll a rehearsal; raises Refused, TimedOut."""
     ask = partial(_ask, key, wanted, RehearsalState, lanes, operator, parameters={"do": do})
     state = await asyncio.to_thread(ask)
     if state.refusal or state.failure:
@@ -86,7 +86,7 @@ def _ask(
     *,
     parameters: Mapping[str, str] | None = None,
 ) -> T:
-    """Ask one edge, by whichever session reaches it; raises TimedOut without an answer."""
+    """Send a request to one edge, over each session in turn; raises TimedOut without an answer."""
     for lane in lanes:
         asked = keys.as_console(key, operator.permission.word, lane.identity)
         for _, data in lane.ask(
