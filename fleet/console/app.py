@@ -82,7 +82,7 @@ def make_login_app(hub: Hub, login: Login, served: Served) -> ASGIApp:
 
 
 class _Export(StreamingResponse):
-    """A file that is being exported; ``stack`` ends that, also when the browser has gone before it began."""
+    """Response with an export; ``stack`` ends the export, even if the browser leaves before it begins."""
 
     def __init__(self, blocks: AsyncIterator[bytes], stack: contextlib.AsyncExitStack) -> None:
         super().__init__(blocks, media_type="application/octet-stream")

@@ -64,7 +64,7 @@ class Attempts:
 
 
 def address_key(address: str) -> str:
-    """Return by what an address is counted: IPv6 by its network, of which a computer has every address."""
+    """Return the counting key of an address; for IPv6 its /64 network, which one computer can use alone."""
     try:
         parsed = ipaddress.ip_address(address.partition("%")[0])
     except ValueError:

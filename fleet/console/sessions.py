@@ -69,11 +69,11 @@ class Session(msgspec.Struct, eq=False):
 
 
 class Sessions:
-    """The links and sessions of one console. Only digests of tokens are kept: memory does not tell them.
+    """The links and sessions of one console. Only digests of tokens are stored, not the tokens.
 
-    ``cookie`` is the name of the session's cookie. It has the instance in it, because a browser sends the
-    cookies of one port of a computer to all of its ports. For the same reason a cookie alone is worth
-    nothing: the page shows a proof beside it, from its own storage, which belongs to the port.
+    ``cookie`` is the name of the session's cookie. It contains the instance, because a browser sends the
+    cookies of one port of a computer to all of its ports. For the same reason a cookie alone is not enough:
+    the page also sends a proof from its own storage, which is separate for each port.
     """
 
     def __init__(self, clock: Clock, lives: Lives = BY_LINK, prefix: str = "") -> None:

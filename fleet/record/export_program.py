@@ -1,7 +1,7 @@
-"""Exports a window of recordings in a process of its own: copying takes a processor for seconds.
+"""Exports a window of recordings in a separate process, because copying takes a processor for seconds.
 
 ``python -m fleet.record.export_program`` is started by the console, which writes the task to its standard
-input. Its standard output has a line with what is wrong, as a JSON text, and when that is empty, the file.
+input. Its standard output begins with one line, the error as a JSON text; if that is empty, the file follows.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from fleet.runtime.decoding import decode_json
 
 
 class _Pipe:
-    """Standard output as the writer of MCAP sees it: it knows where in the file it is."""
+    """Standard output for the writer of MCAP, with a position."""
 
     def __init__(self, output: IO[bytes]) -> None:
         self._output = output
@@ -34,7 +34,7 @@ class _Pipe:
         return len(data)
 
     def tell(self) -> int:
-        """Return how many bytes were written."""
+        """Return the number of bytes written."""
         return self._written
 
 
@@ -58,7 +58,7 @@ def main() -> int:
 
 
 def _told(output: IO[bytes], problem: str) -> int:
-    """Write what is wrong, and return the exit code."""
+    """Write the error, and return the exit code."""
     output.write(msgspec.json.encode(problem) + b"\n")
     output.flush()
     return 1 if problem else 0
