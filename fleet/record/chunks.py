@@ -102,7 +102,7 @@ class Chunks:
                 self._unpack(file, last, 0, lambda _: True)
 
     def messages(self, chunk: Chunk, wanted: int, until: int) -> list[RawMessage]:
-        """Return the messages of a chunk on channels, as bits, that were received until then (Unix ns)."""
+        """Return the messages of a chunk on the channels of a bit mask, received by ``until`` (Unix ns)."""
         found: list[RawMessage] = []
         with self.path.open("rb", buffering=0) as file:
             self._unpack(file.fileno(), chunk, wanted, found.append)

@@ -135,7 +135,7 @@ class RecordingFile:
             raise
 
     def close(self) -> None:
-        """Write the index and close; raises OSError. A file whose disk was full keeps what was flushed."""
+        """Write the index and close; raises OSError. After a full disk the flushed messages remain."""
         try:
             if not self.failed:
                 self._writer.finish()

@@ -95,7 +95,7 @@ def _missing(
 def unequal(
     recorded: Any, now: Any, tolerance: Mapping[str, float] = MappingProxyType({}), where: str = ""
 ) -> Iterator[str]:
-    """Yield in words the members of two JSON values that differ; ``tolerance`` as for ``differences``."""
+    """Yield the differing members of two JSON values as text; ``tolerance`` as for ``differences``."""
     if isinstance(recorded, Mapping) and isinstance(now, Mapping):
         for name in dict.fromkeys((*recorded, *now)):
             path = f"{where}.{name}" if where else name

@@ -1,7 +1,7 @@
-"""Writes the files of an edge's service, and has systemd and udev read them.
+"""Writes the files of an edge's service, and reloads systemd and udev.
 
-The files are written below a root folder; for the root of the running system, the programs of ``STEPS`` are
-run as well. ``run`` runs one program and raises ServiceError, so that the order is tested without systemd.
+The files are written below a root folder; for the root of the running system, systemd's programs are run as
+well. ``run`` runs one program and raises ServiceError, so that tests need no systemd.
 """
 
 from __future__ import annotations
@@ -21,11 +21,11 @@ _WITHIN = 120.0  # s for one program
 
 
 class ServiceError(FleetError):
-    """The service cannot be installed, asked or removed."""
+    """The service cannot be installed, queried or removed."""
 
 
 def files_of(spec: ServiceSpec) -> dict[Path, str]:
-    """Return the files of a service, relative to the root folder, with their text."""
+    """Return the files of a service with their text, relative to the root folder."""
     files = {
         Path("etc/systemd/system", spec.unit): unit_text(spec),
         Path("etc/sysusers.d/fleet.conf"): _HEAD + sysusers_text(),
@@ -37,19 +37,19 @@ def files_of(spec: ServiceSpec) -> dict[Path, str]:
 
 
 def _rules_file(edge: str) -> Path:
-    """Return where the udev rules are; the number puts them after those that make names."""
+    """Return the path of the udev rules; the number orders them after the rules that create names."""
     return Path("etc/udev/rules.d", f"90-fleet-{edge}.rules")
 
 
 def unit_file(edge: str, root: Path = Path("/")) -> Path:
-    """Return the file of an edge's unit, whether it is there or not."""
+    """Return the path of an edge's unit, existing or not."""
     return root / "etc/systemd/system" / unit_name(edge)
 
 
 def install(spec: ServiceSpec, root: Path, run: Run | None, *, start: bool) -> list[Path]:
     """Write the files below ``root``; with ``run``, load and enable them, and ``start`` the edge.
 
-    Returns the files. An edge that runs is not touched: it has the new unit at its next start. Raises
+    Returns the files. A running edge is not touched: it gets the new unit at its next start. Raises
     ServiceError.
     """
     files = files_of(spec)
@@ -63,9 +63,9 @@ def install(spec: ServiceSpec, root: Path, run: Run | None, *, start: bool) -> l
 
 
 def uninstall(edge: str, root: Path, run: Run | None) -> list[Path]:
-    """Stop the service, forget it and remove its files; state, fleet file and user stay.
+    """Stop and disable the service and remove its files; state, fleet file and user stay.
 
-    Returns the removed files. Raises ServiceError, also where no service of this edge is installed.
+    Returns the removed files. Raises ServiceError, also if no service of this edge is installed.
     """
     unit, rules = unit_file(edge, root), root / _rules_file(edge)
     if not unit.exists():
@@ -81,7 +81,7 @@ def uninstall(edge: str, root: Path, run: Run | None) -> list[Path]:
 
 
 def _reload(run: Run, *, devices: bool) -> None:
-    """Have systemd read its units anew, and udev its rules, also for devices that are plugged in."""
+    """Reload the units of systemd and the rules of udev, and apply them to plugged-in devices."""
     run(["systemctl", "daemon-reload"])
     if devices:
         run(["udevadm", "control", "--reload"])
@@ -91,7 +91,7 @@ def _reload(run: Run, *, devices: bool) -> None:
 
 
 def write_whole(path: Path, text: str) -> None:
-    """Write a file that is the old or the new one at any time; raises ServiceError."""
+    """Write a file atomically; raises ServiceError."""
     fresh = path.with_name(f".{path.name}.new")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
@@ -103,7 +103,7 @@ def write_whole(path: Path, text: str) -> None:
 
 
 def run_program(command: Sequence[str]) -> str:
-    """Run a program of the system; return what it said. Raises ServiceError with its own words."""
+    """Run a program of the system; return its output. Raises ServiceError with its error message."""
     try:
         told = subprocess.run(  # noqa: S603 - systemd's own programs, with arguments of ours
             command, capture_output=True, text=True, check=False, timeout=_WITHIN, stdin=subprocess.DEVNULL
@@ -124,7 +124,7 @@ def is_root() -> bool:
 
 
 def status_of(edge: str, run: Run) -> Mapping[str, str]:
-    """Return what systemd says of the service of an edge, by property; raises ServiceError."""
+    """Return systemd's properties of the service of an edge; raises ServiceError."""
     told = run(["systemctl", "show", f"--property={','.join(PROPERTIES)}", unit_name(edge)])
     pairs = (line.partition("=") for line in told.splitlines())
     return {name: value for name, _, value in pairs if name in PROPERTIES}
@@ -141,4 +141,4 @@ PROPERTIES = (
     "Result",
     "ActiveEnterTimestamp",
 )
-"""What ``fleet service status`` asks of systemd."""
+"""Properties shown by ``fleet service status``."""

@@ -1,7 +1,8 @@
-"""The systemd unit of an edge, made from what its fleet file says; pure.
+"""The systemd unit of an edge, generated from its fleet file; pure.
 
-``systemd-analyze security --offline=true`` rates it; the tests hold the rating at 3.0 or better. The network,
-the clock's readings and /proc stay open, because robots, the bus, the cloud and the edge's load need them.
+``systemd-analyze security --offline=true`` rates it; the tests require a rating of 3.0 or better. The
+network, reading the clock and /proc stay open, because robots, the bus, the cloud and the edge's load need
+them.
 """
 
 from __future__ import annotations
@@ -20,17 +21,17 @@ from fleet.service.devices import Devices, devices_of, unsafe_names
 USER = GROUP = "fleet"
 STATE = Path("/var/lib")  # StateDirectory= of systemd; the edges' folders are below fleet/ there
 CONFIG = Path("/etc/fleet")
-WATCHDOG = 10  # s without a sign of the supervisor after which systemd kills it; edge and workers then end
-REALTIME = 40  # the priority that control loops of quadrupeds on CAN ask for
-HIDDEN = tuple(map(Path, ("/home", "/root", "/run/user", "/tmp", "/var/tmp")))  # noqa: S108 - what a service does not see
+WATCHDOG = 10  # s without a sign of life of the supervisor before systemd kills it; edge and workers then end
+REALTIME = 40  # the priority that control loops of quadrupeds on CAN request
+HIDDEN = tuple(map(Path, ("/home", "/root", "/run/user", "/tmp", "/var/tmp")))  # noqa: S108 - folders hidden from a service
 _WORD = re.compile(r"[A-Za-z0-9_./:@+,=-]+")
 
 
 class ServiceSpec(msgspec.Struct, frozen=True):
-    """What the unit of an edge is made from.
+    """Input of the unit of an edge.
 
     ``file`` is its fleet file, ``python`` the interpreter of its environment, ``writable`` the folders that
-    it writes besides those that systemd makes. ``of_a_pair``: the file is for two edges; this is one of them.
+    it writes besides those created by systemd. ``of_a_pair``: the file is for two edges; this is one of them.
     """
 
     edge: str
@@ -52,9 +53,9 @@ def unit_name(edge: str) -> str:
 
 
 def spec_of(loaded: Loaded, file: Path, python: Path) -> ServiceSpec:
-    """Return what the unit of a loaded fleet file is made from; the paths are absolute.
+    """Return the input of the unit of a loaded fleet file; the paths are absolute.
 
-    Raises ConfigError for what a service cannot have, with all reasons.
+    Raises ConfigError with all reasons why a service is not possible.
     """
     config = loaded.config
     pair = config.pair is not None
@@ -66,13 +67,13 @@ def spec_of(loaded: Loaded, file: Path, python: Path) -> ServiceSpec:
 
 
 def _writable(config: Sections) -> tuple[Path, ...]:
-    """Return the folders of state and recordings that fleet.yaml places somewhere else."""
+    """Return the folders of state and recordings with their own place in fleet.yaml."""
     record = config.record.folder if config.record else None
     return tuple(path.absolute() for path in (config.edge.spool.path, record) if path is not None)
 
 
 def _hidden(spec: ServiceSpec) -> list[str]:
-    """Say which paths a service does not see: those of users, and temporary ones."""
+    """Return errors for paths hidden from a service: home folders, and temporary ones."""
     return [
         f"{path} is below {folder}, which a service does not see: keep the fleet file in {CONFIG}, state in "
         f"{STATE}/fleet and the Python environment in /opt"
@@ -83,13 +84,13 @@ def _hidden(spec: ServiceSpec) -> list[str]:
 
 
 def _unsafe(spec: ServiceSpec) -> list[str]:
-    """Return the names of devices and paths that could mean something else in the files of a service."""
+    """Return the names of devices and paths that would be misread in the files of a service."""
     paths = [str(path) for path in (spec.file, spec.python, *spec.writable)]
     return [*unsafe_names(spec.devices), *(path for path in paths if not path.isprintable())]
 
 
 def _word(value: object) -> str:
-    """Return one word of a unit: in quotes where it must be, and nothing in it expanded by systemd."""
+    """Return one word of a unit: quoted if necessary, and protected from expansion by systemd."""
     text = str(value).replace("%", "%%")
     if _WORD.fullmatch(text):
         return text
@@ -97,7 +98,7 @@ def _word(value: object) -> str:
 
 
 def _argument(value: object) -> str:
-    """Return one word of a command line of a unit, where a dollar sign would name a variable."""
+    """Return one word of a command line of a unit, in which a dollar sign would start a variable."""
     return _word(str(value).replace("$", "$$"))
 
 
@@ -117,7 +118,7 @@ def unit_text(spec: ServiceSpec) -> str:
 
 
 def _unit(spec: ServiceSpec) -> list[str]:
-    """Return when the edge starts: after the network and a set clock, which it can do without."""
+    """Return the order of the start: after the network and a set clock, which are not required."""
     can = [f"sys-subsystem-net-devices-{name}.device" for name in spec.devices.interfaces if name.isalnum()]
     return [
         f"Description=fleet edge {spec.edge}",
@@ -128,11 +129,11 @@ def _unit(spec: ServiceSpec) -> list[str]:
 
 
 def _process(spec: ServiceSpec) -> list[str]:
-    """Return how it is run, watched and ended.
+    """Return the lines for running, monitoring and stopping the process.
 
-    The first process is the supervisor. Only it is signalled at first (mixed), so that it ends the edge and
-    the edge its robots and workers; what is left after TimeoutStopSec= is killed. An invalid fleet file (3)
-    waits for a person.
+    The first process is the supervisor. Only it is signalled at first (mixed), so that it ends the edge, and
+    the edge its robots and workers; remaining processes are killed after TimeoutStopSec=. An invalid fleet
+    file (3) waits for a person.
     """
     which = ["--edge-id", spec.edge] if spec.of_a_pair else []
     command = [spec.python, "-P", "-m", "fleet", "run", *which, "--", spec.file]
@@ -157,7 +158,7 @@ def _process(spec: ServiceSpec) -> list[str]:
 
 
 def _places(spec: ServiceSpec) -> list[str]:
-    """Return user, folders and environment. The group may use the sockets, and nobody else."""
+    """Return user, folders and environment. Only the group may use the sockets."""
     lines = [
         f"User={USER}",
         f"Group={GROUP}",
@@ -175,7 +176,7 @@ def _places(spec: ServiceSpec) -> list[str]:
 
 
 def _devices(spec: ServiceSpec) -> list[str]:
-    """Return what opens the devices of the fleet file, and closes all others."""
+    """Return the lines that allow the devices of the fleet file, and no others."""
     families = "AF_UNIX AF_INET AF_INET6 AF_NETLINK"
     lines = [f"DeviceAllow={each} rw" for each in spec.devices.classes]
     if not spec.devices.files:
@@ -214,5 +215,5 @@ _SANDBOX = (
 
 
 def sysusers_text() -> str:
-    """Return the user and the group of the service, as systemd-sysusers takes them."""
+    """Return the user and the group of the service in the format of systemd-sysusers."""
     return f'u {USER} - "fleet of robots" {STATE}/fleet /usr/sbin/nologin\n'

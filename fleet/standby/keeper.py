@@ -39,7 +39,7 @@ class LeaseUser(Protocol):
 
 
 class LeaseKeeper:
-    """Keeps the lease of one edge. Others call ``begin``, ``hand_over``, ``let_go`` and ``close`` alone."""
+    """Keeps the lease of one edge. Its public methods are for other threads."""
 
     def __init__(
         self, lease: Lease, store: LeaseStore, user: LeaseUser, *, clock: Callable[[], float]

@@ -196,7 +196,7 @@ class Lease:
     # -- writes --------------------------------------------------------------------------------------
 
     def begin(self, wish: Wish, stops: dict[str, str], now: float) -> Entry:
-        """Return the entry to write in the place of ``revision``; its outcome is told to one of the next."""
+        """Return the entry to write in place of ``revision``; pass the result to one of the next methods."""
         orderly = self._is_ours() or (self.seen is not None and self.seen.released)
         self._write = _Write(wish, now, Takeover(self.seen, self.seen_since, orderly))
         if wish is Wish.TAKE:
