@@ -30,13 +30,13 @@ class ExitCode(enum.IntEnum):
 
     OK = 0
     RUNTIME_ERROR = 1
-    USAGE = 2  # invalid command line
+    USAGE = 2  # the command line is invalid
     CONFIG_INVALID = 3  # fleet.yaml cannot be used
     NOT_RUNNING = 4  # no edge answers
-    REJECTED = 5  # by the host or the robot
+    REJECTED = 5  # refused by the host or the robot
     TIMEOUT = 6  # the robot did not answer in time
-    SOME_FAILED = 7  # of several robots
-    ENDED = 8  # a mission ended, but was not completed
+    SOME_FAILED = 7  # some of several robots failed
+    ENDED = 8  # a mission ended without being completed
     UNKNOWN = 9  # the outcome of a mission is unknown
     INTERRUPTED = 130  # Ctrl-C
 

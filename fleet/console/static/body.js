@@ -12,7 +12,7 @@ let told = null; // the text under the drawing
 let shown = ""; // the robot
 let dirty = false;
 
-// rotation: a frame is a point and three axes (the columns of its rotation)
+// -- rotation: a frame is a point and three axes (the columns of its rotation) ----------------------------------
 
 const add = ([a, b, c], [d, e, f]) => [a + d, b + e, c + f];
 const apply = (axes, [x, y, z]) => [0, 1, 2].map((row) => axes[0][row] * x + axes[1][row] * y + axes[2][row] * z);
@@ -52,7 +52,7 @@ export function framesOf(parts, numbers) {
   return frames;
 }
 
-// drawing
+// -- drawing -----------------------------------------------------------------------------------------------------
 
 const FACES = [[0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4], [1, 5, 7, 3]];
 
@@ -146,7 +146,7 @@ function tell(parts, numbers) {
   if (told.textContent !== text) told.textContent = text;
 }
 
-// input
+// -- input -------------------------------------------------------------------------------------------------------
 
 const KEYS = { ArrowLeft: [-TURN, 0], ArrowRight: [TURN, 0], ArrowUp: [0, TURN], ArrowDown: [0, -TURN] };
 

@@ -12,7 +12,7 @@ const GRIP = 14; // px around a robot that select it
 const DRAG = 5; // px of movement before a press becomes a drag
 const pointers = new Map();
 
-// input
+// -- input -----------------------------------------------------------------------------------------------
 
 const place = (event) => {
   const box = canvas.getBoundingClientRect();
@@ -99,7 +99,7 @@ function turn() {
   paintMap();
 }
 
-// goals of the selected robots
+// -- goals of the selected robots --------------------------------------------------------------------------
 
 function aim(point) {
   map.target = point ? { x: point[0], y: point[1] } : null;

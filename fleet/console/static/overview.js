@@ -78,7 +78,7 @@ export function healthKey() {
   return [Object.values(store.edges).map((edge) => [edge.edge, edge.alive, edge.health, edge.cause, edge.problem]), ordered().map((robot) => [robot.id, causeOf(robot)]), Math.floor(store.time / 10), Boolean(store.past)];
 }
 
-// missions
+// -- missions ------------------------------------------------------------------------------------------------
 
 function control(run, what, more = {}) {
   order({ ask: "run", edge: run.edge, run: run.run, do: what, ...more }, `${run.mission}: ${what}`);
@@ -150,7 +150,7 @@ export function missions() {
   return [element("h3", {}, "Missions"), ...found.map(startForm)];
 }
 
-// schedules
+// -- schedules -----------------------------------------------------------------------------------------------
 
 function scheduleItem(schedule) {
   const change = (what) => order({ ask: "schedule", edge: schedule.edge, name: schedule.name, do: what }, `schedule ${schedule.name}: ${what}`);

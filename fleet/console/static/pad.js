@@ -27,7 +27,7 @@ const DEAD = 0.15; // dead zone, as a share of a stick's range
 const LOOK = 50; // ms between polls of the gamepad, which sends no events
 const held = new Set();
 let sticks = {}; // share of the limit, by axis
-let ready = false; // no shoulder button is held since the pad ended
+let ready = false; // true after all shoulder buttons were seen released since the pad ended
 let looking = 0;
 const open = new Map(); // time of sending, by number
 let pad = null; // {robot, limits, share, words}
@@ -85,7 +85,7 @@ export function end(words = "", kind = "") {
   say(words, kind);
 }
 
-// gamepad
+// -- gamepad -----------------------------------------------------------------------------------------------
 
 // Left stick: forward and turn. Right stick: sideways, and up for a robot that flies.
 function sticksOf(gamepad) {

@@ -20,7 +20,7 @@ let parts = null;
 const inWords = (stamp) => new Date(stamp * 1000).toLocaleString(undefined, { dateStyle: "medium", timeStyle: "medium" });
 const clamped = (value, [least, most]) => Math.min(most, Math.max(least, value));
 
-// position in the past
+// -- position in the past ------------------------------------------------------------------------------------
 
 // The address of a moment: UTC, to the tenth of a second, without other state of the page.
 function address(at) {
@@ -89,7 +89,7 @@ function open(at) {
   });
 }
 
-// playback
+// -- playback --------------------------------------------------------------------------------------------------
 
 function stopPlaying() {
   clearInterval(playing);
@@ -109,7 +109,7 @@ function play() {
   }, TURN);
 }
 
-// export
+// -- export ----------------------------------------------------------------------------------------------------
 
 const EXPORTS = { 60: "last minute", 300: "last 5 minutes", 1800: "last 30 minutes" }; // before the moment, s
 
@@ -144,7 +144,7 @@ function exportChoice() {
   return choice;
 }
 
-// display
+// -- display -----------------------------------------------------------------------------------------------------
 
 function words() {
   if (refusal) return refusal;

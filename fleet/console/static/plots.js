@@ -14,7 +14,7 @@ let whose = "";
 let loading = null;
 let redraw = () => {};
 
-// numbers
+// -- numbers -----------------------------------------------------------------------------------------------
 
 function keep(name, value) {
   const [times, values] = (series[name] ??= [[], []]);
@@ -40,7 +40,7 @@ function take() {
   for (const [name, chart] of charts) if (series[name]) chart.setData(series[name]);
 }
 
-// plots
+// -- plots ---------------------------------------------------------------------------------------------------
 
 function load() {
   const script = document.createElement("script");

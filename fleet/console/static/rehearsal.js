@@ -34,7 +34,7 @@ function close() {
   changed();
 }
 
-// ghosts
+// -- ghosts ----------------------------------------------------------------------------------------------------
 
 // The position on a track at a moment of the rehearsal: x, y, z and the direction of motion.
 export function placeAt(points, at) {
@@ -62,7 +62,7 @@ export function ghosts() {
   return (rehearsal.result.tracks || []).map((track) => ({ name: track.robot, way: track.points, place: placeAt(track.points, rehearsal.at) }));
 }
 
-// panel
+// -- panel -------------------------------------------------------------------------------------------------------
 
 const clock = (seconds) => `${seconds.toFixed(1)} s`;
 
