@@ -57,21 +57,21 @@ class Separation(Model):
 
     radius: Positive | None = Field(
         None,
-        description="Metres around the robot's middle that are its own, the error of its position counted. "
-        "Two robots are kept as far from each other as both radii together. Left out: 1.5 for mavlink, 0.6 "
-        "for quadruped, 0.4 for ugv, 1.0 for what does not say.",
+        description="Radius around the robot's centre in metres, including the error of its position. Two "
+        "robots are kept apart by the sum of their radii. Left out: 1.5 for mavlink, 0.6 for "
+        "quadruped, 0.4 for ugv, 1.0 for adapters without a value.",
     )
     braking: Positive | None = Field(
         None,
-        description="m/s2 that it surely brakes with. Left out: 1.5 for mavlink, 1.0 for quadruped and ugv, "
-        "0.5 for what does not say.",
+        description="Guaranteed deceleration, m/s2. Left out: 1.5 for mavlink, 1.0 for quadruped and ugv, "
+        "0.5 for adapters without a value.",
     )
     precedence: int | None = Field(
         None,
         ge=0,
         le=9,
-        description="Of two robots in each other's way the one with the lower gives way. Left out: 3 for "
-        "mavlink, 2 for ugv and what does not say, 1 for quadruped.",
+        description="Of two robots in conflict, the one with the lower value gives way. Left out: 3 for "
+        "mavlink, 2 for ugv and adapters without a value, 1 for quadruped.",
     )
 
     def over(self, other: Separation) -> Separation:
@@ -98,8 +98,8 @@ class Accepts(Model):
     )
     mission: frozenset[SourceType] | None = Field(
         None,
-        description="For missions that it takes part in, besides what each step needs. Left out: nobody but "
-        "local operators.",
+        description="For missions in which it takes part, in addition to the permission for each step. "
+        "Left out: only local operators.",
     )
 
 
@@ -151,14 +151,16 @@ class FenceConfig(Model):
     """Where a robot may be. Its limits define how high and how far from home."""
 
     frame: Literal["world", "geodetic"] = Field(
-        "world", description="What corners are: [x, y] metres in the world, or [latitude, longitude]."
+        "world",
+        description="Meaning of the corners: [x, y] metres in the world frame, or [latitude, longitude].",
     )
     inclusion: Polygons = Field(
         (),
-        description="Polygons of 3 to 100 corners, as in [[[0, 0], [9, 0], [9, 9]]]; it must be in one.",
+        description="Polygons of 3 to 100 corners, as in [[[0, 0], [9, 0], [9, 9]]]; the robot must be "
+        "inside one.",
     )
     exclusion: Polygons = Field(
-        (), description="Polygons, as in [[[0, 0], [9, 0], [9, 9]]], that it must not be in."
+        (), description="Polygons, as in [[[0, 0], [9, 0], [9, 9]]]; the robot must be outside of all."
     )
     margin: float = Field(1.0, ge=0, le=100, description="Metres that a held velocity keeps from the border.")
 
@@ -183,14 +185,16 @@ class BatteryPolicy(Model):
         "A take-off needs more than `low` as well.",
     )
     endurance: Positive | None = Field(
-        None, description="Seconds that a full battery moves the robot; for the way to a goal and home."
+        None, description="Seconds of motion on a full battery; for the way to a goal and home."
     )
     low: Percent = Field(
         20.0,
-        description="Percent at which the action is taken, once; below `reserve` the way home ends below it.",
+        description="Percent at which the action is executed, once. If it is below `reserve`, the robot "
+        "arrives home below its reserve.",
     )
     action: Literal["return_to_home", "land", "stop", "warn"] = Field(
-        "warn", description="What to do then with a robot that moves because of us: a command, or only warn."
+        "warn",
+        description="Action for a robot that moves on the edge's command: a command, or only a warning.",
     )
 
 
@@ -207,22 +211,26 @@ class AdapterConfig(TopicsConfig):
     )
     role: Literal["leader", "follower"] | None = Field(
         None,
-        description="One of two arms that move together: its state says edge_leader or edge_follower. "
-        "A simulated robot says sim all the same.",
+        description="For one of two arms that move together: the source type of its state is edge_leader "
+        "or edge_follower; that of a simulated robot is still sim.",
     )
     follows: UUID | None = Field(
         None,
-        description="The twin of the leader whose joints this robot's follow, those of the same names, once "
-        "`follow_leader` is asked and until any stop. `accepts.command` must have edge_leader.",
+        description="The twin of the leader: the joints of this robot follow the leader's joints of the "
+        "same names, from `follow_leader` until any stop. `accepts.command` must have "
+        "edge_leader.",
     )
     accepts: Accepts = Field(Accepts(), description="Whose commands the robot obeys.")
     limits: Limits = Field(Limits(), description="Over the adapter's own limits.")
     fence: FenceConfig | None = Field(None, description="Where the robot may be.")
     battery_policy: BatteryPolicy | None = Field(
-        None, description="What is done about a battery that runs low; left out, nothing."
+        None, description="Reaction to a low battery; left out: none."
     )
     setpoint_lease: float = Field(
-        0.5, ge=0.15, le=5.0, description="Seconds a velocity is held unless it says otherwise."
+        0.5,
+        ge=0.15,
+        le=5.0,
+        description="Seconds for which a velocity is held, unless its message says otherwise.",
     )
     max_age: float = Field(0.5, gt=0, le=60, description="Oldest velocity that is obeyed, seconds.")
     command_max_age: float = Field(
@@ -255,9 +263,10 @@ class AdapterConfig(TopicsConfig):
     )
     start: tuple[float, float, float] | None = Field(
         None,
-        description="[x, y, heading] for a robot without GPS: where it stands when the edge starts, metres "
-        "east and north of the site's origin, and where its front points, radians counter-clockwise from "
-        "east. It places the robot in the site's frame; without it nobody knows how far it is from others.",
+        description="[x, y, heading] for a robot without GPS: its position when the edge starts, metres "
+        "east and north of the site's origin, and the direction of its front, radians "
+        "counter-clockwise from east. It places the robot in the site's frame; without it, "
+        "its distance to other robots is unknown.",
     )
     separation: Separation = Field(
         Separation(), description="How far other robots of this edge are kept from it."

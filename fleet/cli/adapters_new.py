@@ -75,7 +75,7 @@ _FILES: Mapping[str, str] = MappingProxyType(
     "--into",
     type=click.Path(file_okay=False, path_type=pathlib.Path),
     default=pathlib.Path(),
-    help="The folder that the package's folder is made in. [the current one]",
+    help="The folder in which the package's folder is created. [the current one]",
 )
 @with_output
 def new(out: Output, name: str, kind: str, into: pathlib.Path) -> None:

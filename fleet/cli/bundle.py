@@ -45,10 +45,10 @@ def key(out: Output, name: str) -> None:
 
 @bundle.command("make")
 @click.argument("file", default="fleet.yaml", type=file_path)
-@click.option("--key", "key_file", required=True, type=file_path, help="The key that signs.")
+@click.option("--key", "key_file", required=True, type=file_path, help="The private key for the signature.")
 @click.option("--version", required=True, type=click.IntRange(1), help="Higher than that of any before.")
 @click.option(
-    "--edge", "edges", multiple=True, help="An edge that may take it; repeatable. Left out: its own."
+    "--edge", "edges", multiple=True, help="An edge that may install it; repeatable. Left out: its own."
 )
 @click.option("-o", "into", type=file_path, help="The bundle's file. Left out: EDGE-VERSION.bundle.")
 @with_output

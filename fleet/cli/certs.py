@@ -32,14 +32,14 @@ folder_option = click.option(
     default="certs",
     show_default=True,
     type=click.Path(file_okay=False, path_type=Path),
-    help="Where the site's certificates are.",
+    help="The folder of the site's certificates.",
 )
 days_option = click.option(
     "--days",
     default=365,
     show_default=True,
     type=click.IntRange(1, LONGEST_DAYS),
-    help="How long it is good.",
+    help="Days until it expires.",
 )
 
 
@@ -70,7 +70,7 @@ def init(out: Output, site: str, folder: Path) -> None:
 
 @certs.command()
 @click.argument("name")
-@click.option("--as", "role", required=True, type=click.Choice(get_args(Role)), help="What it is there for.")
+@click.option("--as", "role", required=True, type=click.Choice(get_args(Role)), help="Its role on the bus.")
 @click.option("--host", "hosts", multiple=True, help="Name or address at which others reach it; repeatable.")
 @days_option
 @folder_option

@@ -56,16 +56,14 @@ def diff(out: Output, file: str) -> ExitCode:
 
 @click.command()
 @click.argument("files", nargs=-1, type=click.Path())
-@click.option(
-    "--force", is_flag=True, help="Also rebuild or remove robots that move, after they were stopped."
-)
+@click.option("--force", is_flag=True, help="Also rebuild or remove moving robots, after stopping them.")
 @click.option("--fleet", "is_fleet", is_flag=True, help="Roll FILES, which are bundles, out to their edges.")
 @with_waves
 @with_output
 def apply(
     out: Output, files: tuple[str, ...], *, force: bool, is_fleet: bool, wanted: WavesWanted
 ) -> ExitCode:
-    """Have the edge that runs with FILE (fleet.yaml when left out) read it again and take it over.
+    """Apply the changed FILE (fleet.yaml when left out) to the edge that runs with it.
 
     Robot by robot; the others go on. A robot that is commanded, armed, moving or controlled by somebody is
     not rebuilt or removed; of its settings only stricter ones are applied. A failed change is reverted for

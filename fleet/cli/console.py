@@ -43,7 +43,7 @@ from fleet.spool.state_folder import state_folder
     type=click.Choice([each.word for each in Permission]),
     default=Permission.ADMIN.word,
     show_default=True,
-    help="What the link lets its user do; everybody may stop robots.",
+    help="Permission of the link's user; everybody may stop robots.",
 )
 @click.option(
     "--recordings",

@@ -20,7 +20,7 @@ from fleet.doctor.finding import Finding, Verdict
 )
 @with_output
 def doctor(out: Output, file: Path, *, plugins: bool) -> ExitCode:
-    """Look at everything around the edge of FILE, and say what to do.
+    """Check everything around the edge of FILE, and suggest remedies.
 
     Clock, disk, permissions, devices, CAN, ports, broker, certificates, state, versions and other edges. It
     changes nothing, opens no device and sends nothing to robots, so it can run beside the edge. With an

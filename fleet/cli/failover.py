@@ -31,7 +31,7 @@ class HandOver(msgspec.Struct, frozen=True, omit_defaults=True):
 @click.option(
     "--accept-file",
     is_flag=True,
-    help="Have EDGE, a standby with another file than its dead partner, take the robots over.",
+    help="Have EDGE, a standby with a different file than its dead partner, take the robots over.",
 )
 @reach_option
 @with_output

@@ -36,7 +36,7 @@ from fleet.wire.goals import GotoTarget, goals, target_of
 @click.option(
     "--spacing",
     type=click.FloatRange(min=0, min_open=True),
-    help="Spread the robots of a group around the place, so many metres from each other.",
+    help="Spread the robots of a group around the place, by this distance in metres.",
 )
 @wait_option
 @timeout_option

@@ -28,7 +28,7 @@ _decode = partial(decode_with, json_decoder(LogLine))
 
 @click.command()
 @click.argument("robot", required=False)
-@click.option("-f", "--follow", is_flag=True, help="Go on with what comes, until Ctrl-C.")
+@click.option("-f", "--follow", is_flag=True, help="Follow new lines until Ctrl-C.")
 @since_option
 @click.option(
     "-n",

@@ -36,7 +36,7 @@ from fleet.missions.words import told_line
 
 @click.group()
 def mission() -> None:
-    """Missions: what several robots shall do together, and how it ends.
+    """Start, follow and control missions of one or several robots.
 
     Before a run: ls, show, check, rehearse. Then run. During it: ps, pause, resume, answer, abort; fleet take
     takes one robot out of it, fleet stop stops robots whatever they do. Afterwards: log, results.
@@ -124,8 +124,8 @@ def _check_plan(out: Output, path: Path) -> ExitCode:
 @mission.command("run")
 @click.argument("what", metavar="MISSION")
 @click.argument("inputs", nargs=-1, metavar="[INPUT=VALUE]...")
-@click.option("--robot", "robots", multiple=True, type=ROBOT, help="[ROLE=]ROBOT: who fills a role.")
-@click.option("--detach", is_flag=True, help="Start it, and do not follow it.")
+@click.option("--robot", "robots", multiple=True, type=ROBOT, help="[ROLE=]ROBOT: a robot for a role.")
+@click.option("--detach", is_flag=True, help="Start it without following it.")
 @reach_option
 @with_output
 def run(
@@ -164,7 +164,7 @@ def run(
 @mission.command("rehearse")
 @click.argument("what", metavar="MISSION")
 @click.argument("inputs", nargs=-1, metavar="[INPUT=VALUE]...")
-@click.option("--robot", "robots", multiple=True, type=ROBOT, help="[ROLE=]ROBOT: who fills a role.")
+@click.option("--robot", "robots", multiple=True, type=ROBOT, help="[ROLE=]ROBOT: a robot for a role.")
 @reach_option
 @with_output
 def rehearse(
@@ -218,9 +218,9 @@ def _control(name: str, summary: str) -> None:
         return _controlled(out, file, run, lambda who: ControlAsk(name, session_id=who))  # type: ignore[arg-type]
 
 
-_control("pause", "Let the robots of RUN hold where they are, until resume; its deadline runs on.")
-_control("resume", "Let RUN go on; where something has changed meanwhile it asks a question first.")
-_control("abort", "End RUN in the way that its mission says (on_abort); this cannot be taken back.")
+_control("pause", "Pause RUN: its robots hold their positions until resume; its deadline continues.")
+_control("resume", "Resume RUN; if something has changed meanwhile, it asks a question first.")
+_control("abort", "End RUN as its mission defines it (on_abort); this cannot be undone.")
 
 
 @mission.command("answer")

@@ -22,14 +22,14 @@ edge_file_option = click.option(
     "--file", type=click.Path(), help="Only the edge of this fleet file; needed where edge.spool.path is set."
 )
 """Selects the edge where -f means to follow."""
-wait_option = click.option("--wait", is_flag=True, help="Wait until the robot was seen to have done it.")
+wait_option = click.option("--wait", is_flag=True, help="Wait until the robot is seen to have done it.")
 timeout_option = click.option(
     "--timeout",
     type=float,
     default=120.0,
     show_default=True,
     callback=_seconds,
-    help="Seconds to wait at the most.",
+    help="Maximum wait in seconds.",
 )
 
 
@@ -41,7 +41,7 @@ def log_options(function: Callable[..., object]) -> Callable[..., object]:
             type=click.Choice(["text", "json"]),
             default="text",
             show_default=True,
-            help="Lines for people, or one JSON object a line.",
+            help="Lines for people, or one JSON object per line.",
         ),
         click.option(
             "--log-file", type=click.Path(dir_okay=False), help="Also log to this file; it is rotated."

@@ -30,7 +30,7 @@ class FleetState(msgspec.Struct, frozen=True):
 
 @click.command()
 @click.option("--all", "everything", is_flag=True, help="Show everything, also beyond the screen.")
-@click.option("--watch", is_flag=True, help="Look again every second until Ctrl-C; a JSON line each.")
+@click.option("--watch", is_flag=True, help="Repeat every second until Ctrl-C; with --json one line each.")
 @click.option("--site", "wide", flag_value="site", help="Show the edges of this site, by cause.")
 @click.option("--fleet", "wide", flag_value="fleet", help="Show all edges that routers reach, by cause.")
 @reach_option

@@ -44,7 +44,7 @@ of_file_option = click.option("-f", "--file", type=click.Path(), help="The fleet
     type=click.Path(file_okay=False, path_type=Path),
     default=FOLDER,
     show_default=True,
-    help="The folder, for this recorder alone.",
+    help="The folder, for this recorder only.",
 )
 @click.option(
     "--for", "length", callback=length_option, help="How long: 30s, 10min, 1h. Left out: until Ctrl-C."
@@ -55,7 +55,7 @@ of_file_option = click.option("-f", "--file", type=click.Path(), help="The fleet
 def record(
     context: click.Context, out: Output, *, into: Path, length: float, file: str | None
 ) -> ExitCode | None:
-    """Record what robots report and are told, in MCAP files that Foxglove opens.
+    """Record reports and requests of robots in MCAP files, which Foxglove opens.
 
     Records every edge that runs on this computer, now or later, or the one of the file. The oldest files are
     deleted after 24 hours or beyond 2 GiB.

@@ -30,10 +30,12 @@ SHOWN = 20
 @click.command()
 @click.argument("recording", type=click.Path(exists=True, path_type=Path))
 @click.option("--speed", type=click.FloatRange(0.01, 1000.0), default=1.0, show_default=True, help="Times.")
-@click.option("--start", callback=length_option, help="Begin so far into it: 30s, 10min, 1h.")
-@click.option("--for", "length", callback=length_option, help="How much of it. Left out: to its end.")
+@click.option("--start", callback=length_option, help="Begin at this offset: 30s, 10min, 1h.")
+@click.option("--for", "length", callback=length_option, help="Length of the part. Left out: to its end.")
 @click.option(
-    "--through-adapters", is_flag=True, help="Compare what adapters make of its raw frames; plays nothing."
+    "--through-adapters",
+    is_flag=True,
+    help="Compare the adapters' reports from its raw frames; plays nothing.",
 )
 @click.option("-f", "--file", type=click.Path(), help="The fleet file with the robots, for their adapters.")
 @click.option("--robot", "names", multiple=True, help="Only this robot of the file; may be repeated.")

@@ -21,14 +21,14 @@ _FOLDER = click.Path(file_okay=False, path_type=Path)
 @click.command()
 @click.argument("archive", type=click.Path(exists=True, dir_okay=False, path_type=Path))
 @click.option("--config", type=_FOLDER, help="Also write fleet.yaml and its files, to this folder.")
-@click.option("--service", is_flag=True, help="To the place of a service (/var/lib/fleet); needs root.")
+@click.option("--service", is_flag=True, help="To the state of a service (/var/lib/fleet); needs root.")
 @click.option("--state", type=_FOLDER, help="To this folder, where edge.spool.path names it.")
-@click.option("--replace", is_flag=True, help="Rename state that is there aside; overwrite configuration.")
+@click.option("--replace", is_flag=True, help="Rename existing state; overwrite configuration.")
 @with_output
 def restore(
     out: Output, archive: Path, *, config: Path | None, service: bool, state: Path | None, replace: bool
 ) -> None:
-    """Put the backup ARCHIVE of an edge on this computer.
+    """Restore the backup ARCHIVE of an edge on this computer.
 
     Everything in it is checked before anything is written; the state is restored completely or not at all.
     Every robot is stopped afterwards: an emergency stop may have been set after the backup. fleet release

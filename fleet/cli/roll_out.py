@@ -44,7 +44,7 @@ def with_waves(function: Callable[..., object]) -> Callable[..., object]:
         default=20,
         show_default=True,
         type=click.IntRange(1, 10_000),
-        help="With --fleet: most edges that change at a time.",
+        help="With --fleet: limit of edges that change at a time.",
     )
     @click.option(
         "--within",
@@ -66,7 +66,7 @@ def with_waves(function: Callable[..., object]) -> Callable[..., object]:
         type=click.Path(dir_okay=False, path_type=Path),
         default="rollout.yaml",
         show_default=True,
-        help="With --fleet: the file that says where the store of roll-outs is.",
+        help="With --fleet: the file with the address of the store.",
     )
     @functools.wraps(function)
     def command(

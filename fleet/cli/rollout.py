@@ -44,7 +44,7 @@ store_option = click.option(
     type=click.Path(dir_okay=False, path_type=Path),
     default=FILE,
     show_default=True,
-    help="The file that says where the store of roll-outs is.",
+    help="The file with the address of the store.",
 )
 
 
@@ -133,7 +133,7 @@ def abort(out: Output, store_file: Path) -> ExitCode:
 
 @rollout.command()
 @click.argument("edges", nargs=-1, required=True)
-@click.option("--operator", "operators", multiple=True, help="Who may roll out; repeatable.")
+@click.option("--operator", "operators", multiple=True, help="An operator who may roll out; repeatable.")
 @with_output
 def accounts(out: Output, edges: tuple[str, ...], *, operators: tuple[str, ...]) -> None:
     """Print the accounts of a NATS server: for each of EDGES, and for the operators.

@@ -107,9 +107,9 @@ def _asking(do: Do, summary: str, done: str) -> None:
         return ExitCode.OK
 
 
-_asking("enable", "Let NAME fire again; what came due meanwhile is not made up for.", "enabled")
-_asking("disable", "Let NAME fire no more, until it is enabled: also after a restart.", "disabled")
-_asking("run", "Start now what NAME starts, as if it had fired, whether it is enabled or not.", "started")
+_asking("enable", "Enable NAME; firings missed meanwhile are not made up for.", "enabled")
+_asking("disable", "Disable NAME until it is enabled again, also after a restart.", "disabled")
+_asking("run", "Fire NAME now, even if it is disabled.", "started")
 
 
 def _one(edges: Edges, name: str) -> tuple[str, str]:

@@ -111,7 +111,7 @@ def status(out: Output, file: Path) -> ExitCode:
 @service.command()
 @_FILE
 @_EDGE_ID
-@click.option("-f", "--follow", is_flag=True, help="Go on with what comes, until Ctrl-C.")
+@click.option("-f", "--follow", is_flag=True, help="Follow new lines until Ctrl-C.")
 @click.option("-n", "--last", type=click.IntRange(min=0), default=100, show_default=True, help="Lines.")
 @click.option("--robot", help="Only lines about this robot.")
 @with_output

@@ -184,8 +184,8 @@ class StopEffort:
 
 @click.command()
 @click.argument("robots", nargs=-1)
-@click.option("--all", "everything", is_flag=True, help="Every robot of every edge that is reached.")
-@click.option("--reason", default="", help="Why; whoever releases the robots is shown it.")
+@click.option("--all", "everything", is_flag=True, help="Every robot of every reachable edge.")
+@click.option("--reason", default="", help="Reason, shown to the person who releases the robots.")
 @reach_option
 @with_output
 def stop(

@@ -38,7 +38,7 @@ def length(_context: click.Context, _option: click.Parameter, text: str | None) 
 
 
 since_option = click.option(
-    "--since", callback=since, help="How far back: 30m, 1h, 2d, or a date (local unless it names a zone)."
+    "--since", callback=since, help="How far back: 30m, 1h, 2d, or a date (local without a zone)."
 )
 
 

@@ -74,7 +74,7 @@ at_option = click.option(
     "at",
     callback=instant,
     metavar="+2s|TIME",
-    help="Begin at one instant, all or none: so far from now, or at a time (local unless it names a zone).",
+    help="Begin at one instant, all or none: after a time from now, or at a time (local without a zone).",
 )
 
 

@@ -55,13 +55,13 @@ class SiteLook:
 @click.command()
 @click.option("--site/--fleet", "site", default=True, help="Edges of this site (default), or all edges.")
 @click.option("--all", "everything", is_flag=True, help="Show everything, also beyond the screen.")
-@click.option("--forget", metavar="EDGE", help="Leave an edge out that is gone for good.")
+@click.option("--forget", metavar="EDGE", help="Remove an edge that is permanently gone.")
 @click.option(
     "--metrics",
     "port",
     metavar="PORT",
     type=FIGURES_PORT,
-    help="Also serve the figures for Prometheus on this local port; without a terminal nothing else.",
+    help="Also serve Prometheus metrics on this local port; without a terminal nothing else.",
 )
 @reach_option
 @with_output

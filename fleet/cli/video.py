@@ -55,8 +55,8 @@ def _servers(_context: click.Context, _option: click.Parameter, values: tuple[st
 @click.option(
     "--camera",
     callback=_camera,
-    help="http(s)://... (a picture each time it is asked), v4l2:/dev/videoN "
-    "or file:/...; left out, the robot's camera in the file of -f.",
+    help="http(s)://... (fetched for each picture), v4l2:/dev/videoN or file:/...; left out, "
+    "the robot's camera in the file of -f.",
 )
 @click.option("--sensor", default="camera", show_default=True, callback=_sensor, help="The stream's name.")
 @click.option(
@@ -64,7 +64,7 @@ def _servers(_context: click.Context, _option: click.Parameter, values: tuple[st
     type=click.FloatRange(0.2, 30.0),
     default=10.0,
     show_default=True,
-    help="Pictures a second at most.",
+    help="Limit of pictures per second.",
 )
 @click.option(
     "--ice-server",

@@ -34,12 +34,15 @@ class NotifyConfig(Model):
     )
     events: tuple[EventKind, ...] = Field(
         TOLD,
-        description="Kinds of events, as `fleet history` names them; errors are always told.",
+        description="Kinds of events, as `fleet history` names them; errors are always included.",
     )
     robots: tuple[Name, ...] = Field((), description="Only of these robots and groups. None: all.")
-    timeout: float = Field(5.0, gt=0, le=60, description="Seconds that it may take; it is tried three times.")
+    timeout: float = Field(5.0, gt=0, le=60, description="Timeout of each of three tries, in seconds.")
     per_minute: int = Field(
-        12, ge=1, le=600, description="Most notices in a minute; what is left out is counted, and told."
+        12,
+        ge=1,
+        le=600,
+        description="Limit of notices per minute; the number of suppressed ones is reported.",
     )
 
     @property

@@ -24,8 +24,8 @@ class PartnerConfig(Model):
     )
     coordinates: bool = Field(
         False,
-        description="That edge may have robots of this one in its runs; if it falls silent meanwhile, this "
-        "edge does what the mission says of robots that fail (robot_failed.do).",
+        description="That edge may have robots of this one in its runs; if it falls silent meanwhile, "
+        "this edge executes the mission's action for failed robots (robot_failed.do).",
     )
 
 
@@ -53,14 +53,15 @@ class LeaseConfig(Model):
 
     servers: tuple[Annotated[str, AfterValidator(check_server)], ...] = Field(
         min_length=1,
-        description="nats://HOST:4222 or tls://HOST:4222, on neither computer of the pair; several are "
-        "those of one cluster.",
+        description="nats://HOST:4222 or tls://HOST:4222, on neither computer of the pair; several must "
+        "belong to one cluster.",
     )
     user: str | None = Field(None, min_length=1, description="Its account.")
     password: SecretStr | None = Field(None, description="The account's password.")
     ca_file: ExistingPath | None = Field(None, description="Certificates to trust instead of the system's.")
     insecure: bool = Field(
-        False, description="Allow nats:// to another computer: who is on the network can take the robots."
+        False,
+        description="Allow nats:// to another computer: anyone on the network could take over the robots.",
     )
 
     @model_validator(mode="after")

@@ -23,10 +23,10 @@ At = Annotated[tuple[float, ...], Field(min_length=2, max_length=3)]
 class PlaceConfig(Model):
     """A named place: a point or an area. Robots are sent there by its name, missions occupy it."""
 
-    kind: PlaceKind = Field("area", description="What it is.")
+    kind: PlaceKind = Field("area", description="Its kind.")
     frame: PlaceFrame = Field(
         "site",
-        description="What its numbers are: metres east and north in the site's frame, or latitude and "
+        description="Frame of its numbers: metres east and north in the site's frame, or latitude and "
         "longitude in degrees.",
     )
     at: At | None = Field(
@@ -36,9 +36,12 @@ class PlaceConfig(Model):
         "height.",
     )
     heading: float | None = Field(
-        None, ge=-6.2832, le=6.2832, description="How it stands there, radians counter-clockwise from east."
+        None,
+        ge=-6.2832,
+        le=6.2832,
+        description="Heading of a robot there, radians counter-clockwise from east.",
     )
-    radius: Positive | None = Field(None, description="How far a point reaches, m.")
+    radius: Positive | None = Field(None, description="Radius of a point, m.")
     polygon: Corners | None = Field(None, description="3 to 100 corners, as in [[0, 0], [2, 0], [2, 1]].")
     height: tuple[float, float] | None = Field(
         None, description="[lowest, highest] of its polygon, metres above the ground."

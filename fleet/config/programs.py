@@ -55,7 +55,8 @@ class ConsoleConfig(Model):
     )
     people: NewPath | None = Field(
         None,
-        description="File of who may log in. Left out: console-people.json, with the edge's state.",
+        description="File of the people who may log in. Left out: console-people.json, with the edge's "
+        "state.",
     )
 
     @model_validator(mode="after")
@@ -83,14 +84,16 @@ class RecordConfig(Model):
 
     folder: NewPath | None = Field(
         None,
-        description="For this recorder alone; nobody else may read it. Left out: recordings, beside the "
-        "spool of the edge.",
+        description="For this recorder only; not readable by other users. Left out: recordings, beside "
+        "the spool of the edge.",
     )
-    size: int = Field(2048, ge=16, le=1_048_576, description="Most MiB; beyond it the oldest is deleted.")
+    size: int = Field(
+        2048, ge=16, le=1_048_576, description="Limit in MiB; beyond it the oldest files are deleted."
+    )
     hours: float = Field(24.0, gt=0, le=87_600, allow_inf_nan=False, description="How long files are kept.")
     free: int = Field(
         512,
         ge=0,
         le=1_048_576,
-        description="MiB of the disk that stay free for others: with less nothing is recorded.",
+        description="MiB of the disk that stay free for others; with less, nothing is recorded.",
     )

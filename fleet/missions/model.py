@@ -92,12 +92,12 @@ class InputConfig(Model):
     """A value given at the start of the mission; referenced as a whole value by ``{input: NAME}``."""
 
     type: Literal["number", "integer", "text", "boolean", "place", "robot"] = Field(
-        description="What it is: number, integer, text, boolean, place or robot."
+        description="Its type: number, integer, text, boolean, place or robot."
     )
     unit: str = Field("", max_length=16, description="Shown to people.")
     default: float | int | str | bool | None = Field(None, description="Left out: it must be given.")
-    min: float | None = Field(None, description="The least a number may be.")
-    max: float | None = Field(None, description="The most a number may be.")
+    min: float | None = Field(None, description="Lower bound of a number.")
+    max: float | None = Field(None, description="Upper bound of a number.")
 
     @model_validator(mode="after")
     def _bounded(self) -> Self:
@@ -137,7 +137,7 @@ class CountConfig(Model):
     """How many robots fill a role."""
 
     min: int = Field(1, ge=1, le=1000, description="Fewer: the mission does not start.")
-    max: int = Field(1000, ge=1, le=1000, description="More are not taken.")
+    max: int = Field(1000, ge=1, le=1000, description="More are not used.")
 
     @model_validator(mode="after")
     def _ordered(self) -> Self:
@@ -151,15 +151,13 @@ class RoleConfig(_Words):
 
     from_: Name | None = Field(None, alias="from", description="A group or a robot. Left out: any robot.")
     kind: Name | None = Field(None, description="Only robots of this adapter.")
-    can: tuple[str, ...] = Field(
-        (), description="Commands that they must take; goto, path, plan and follow too."
-    )
+    can: tuple[str, ...] = Field((), description="Required commands; also goto, path, plan and follow.")
     spares: int = Field(
         0,
         ge=0,
         le=1000,
-        description="How many more may take the place of a robot that is lost, between two steps. They stay "
-        "free for others until then. Only in the outermost mission.",
+        description="Number of spare robots that may replace a lost one between two steps. They stay free "
+        "for others until then. Only in the outermost mission.",
     )
     count: CountConfig = Field(
         CountConfig(min=1, max=1), description="How many: a number, or {min: 2, max: 4}."
@@ -176,15 +174,15 @@ class BatteryConfig(Model):
 class RequireConfig(Model):
     """Requirements of every robot at the start and before each step that moves it."""
 
-    health: Literal["ok", "degraded"] = Field("degraded", description="At least this well.")
+    health: Literal["ok", "degraded"] = Field("degraded", description="The worst permitted health.")
     battery: BatteryConfig = Field(BatteryConfig(), description="Percent, as in {min: 60}.")
 
 
 class ConditionConfig(Model):
     """A condition on the robots of a role: exactly one of battery, health, event."""
 
-    role: Name = Field(description="Whose; all: of every robot.")
-    of: Literal["any", "all"] = Field("any", description="Of how many of them.")
+    role: Name = Field(description="The role; all: every robot.")
+    of: Literal["any", "all"] = Field("any", description="For any or all of its robots.")
     battery: BatteryConfig | None = Field(None, description="Percent, as in {max: 40}.")
     health: Literal["ok", "degraded", "offline", "fault"] | None = Field(None, description="This health.")
     event: str | None = Field(None, min_length=1, description="An event that was reported since the start.")
@@ -199,16 +197,18 @@ class ConditionConfig(Model):
 class WaitForConfig(ConditionConfig):
     """Wait until a condition holds."""
 
-    timeout: Duration = Field(description="How long at the most, as in 10 min.")
-    on_timeout: Literal["continue", "fail"] = Field("fail", description="What happens then.")
+    timeout: Duration = Field(description="Maximum wait, as in 10 min.")
+    on_timeout: Literal["continue", "fail"] = Field("fail", description="Reaction to the timeout.")
 
 
 class AskConfig(Model):
     """A question to a person; the run waits, also through a restart of the edge."""
 
     text: str = Field(min_length=1, max_length=500, description="The question.")
-    timeout: Duration = Field(600.0, description="How long the answer is waited for.")
-    on_timeout: Literal["continue", "abort", "fail"] = Field("abort", description="What happens without one.")
+    timeout: Duration = Field(600.0, description="Maximum wait for the answer.")
+    on_timeout: Literal["continue", "abort", "fail"] = Field(
+        "abort", description="Reaction to a missing answer."
+    )
 
 
 class ActConfig(_Words):
@@ -233,20 +233,23 @@ class ActConfig(_Words):
     )
     follow: Name | None = Field(
         None,
-        description="A role of one robot: keep behind it until the others are through with the step. It goes "
-        "straight towards it, at its own height, within its fence and apart from others.",
+        description="A role of one robot: keep behind it until the others have finished the step. The "
+        "robot moves straight towards it, at its own height, within its fence and separated "
+        "from others.",
     )
     distance: float | None = Field(
-        None, ge=0.5, le=100, description="How near it follows, m from middle to middle; left out: 3."
+        None, ge=0.5, le=100, description="Following distance, m from centre to centre; left out: 3."
     )
     mission: Name | None = Field(
         None,
         description="Another mission of fleet.yaml, as one step: its roles are filled from the robots of "
         "this role. When it fails, they have failed in this step.",
     )
-    speed: float | None = Field(None, gt=0, le=100, description="Limit on the way, m/s.")
-    timeout: Duration | None = Field(None, description="Over that of the step; progress extends it.")
-    retry: int = Field(0, ge=0, le=5, description="Tries after the first, where that can do no harm.")
+    speed: float | None = Field(None, gt=0, le=100, description="Speed limit, m/s.")
+    timeout: Duration | None = Field(
+        None, description="Replaces the timeout of the step; progress extends it."
+    )
+    retry: int = Field(0, ge=0, le=5, description="Retries; only for goto and path.")
 
     @property
     def verb(self) -> str:
@@ -281,35 +284,39 @@ class RobotFailedConfig(Model):
     do: str = Field("hold", min_length=1, max_length=64, description="hold, or a command such as land.")
     then: Literal["continue", "wait", "fail"] = Field(
         "continue",
-        description="Go on while the quorum holds, ask a person, or end the mission as failed.",
+        description="Continue while the quorum holds, ask a person, or end the mission as failed.",
     )
 
 
 class RepeatConfig(Model):
     """Steps that are executed repeatedly."""
 
-    times: int = Field(ge=1, le=1000, description="How often; with until: how often at the most.")
-    until: ConditionConfig | None = Field(None, description="End once this is so.")
-    steps: list[StepConfig] = Field(min_length=1, max_length=100, description="What is repeated.")
+    times: int = Field(ge=1, le=1000, description="Number of rounds; with until: at most.")
+    until: ConditionConfig | None = Field(None, description="End when this holds.")
+    steps: list[StepConfig] = Field(min_length=1, max_length=100, description="The repeated steps.")
 
 
 class StepConfig(_Words):
     """One step: exactly one of do, wait, wait_for, ask, repeat."""
 
-    id: Name = Field(description="Its name, once in the mission.")
-    do: dict[Name, ActConfig] | None = Field(None, description="What each role does; all: every robot.")
-    wait: Duration | None = Field(None, description="Wait so long, as in 30 s.")
-    wait_for: WaitForConfig | None = Field(None, description="Wait until something is so.")
+    id: Name = Field(description="Its name, unique in the mission.")
+    do: dict[Name, ActConfig] | None = Field(None, description="The act of each role; all: every robot.")
+    wait: Duration | None = Field(None, description="Wait for a time, as in 30 s.")
+    wait_for: WaitForConfig | None = Field(None, description="Wait until a condition holds.")
     ask: AskConfig | None = Field(None, description="Ask a person.")
-    repeat: RepeatConfig | None = Field(None, description="Carry out steps several times.")
-    if_: ConditionConfig | None = Field(None, alias="if", description="Else the step is skipped.")
-    start: Literal["together"] | None = Field(
-        None, description="together: nobody moves before every robot has been found able to."
+    repeat: RepeatConfig | None = Field(None, description="Execute steps repeatedly.")
+    if_: ConditionConfig | None = Field(
+        None, alias="if", description="If it does not hold, the step is skipped."
     )
-    finish: Name = Field("all", description="all, any, or a role: when the step is over; others are ended.")
-    timeout: Duration = Field(600.0, description="Of each robot's part; progress extends it.")
-    robot_failed: RobotFailedConfig = Field(RobotFailedConfig(), description="When a robot fails.")
-    undo: dict[Name, ActConfig] = Field({}, description="What undoes the step, by role.")
+    start: Literal["together"] | None = Field(
+        None, description="together: no robot moves before all are prepared."
+    )
+    finish: Name = Field(
+        "all", description="When the step is over: all, any, or a role; the other robots are then ended."
+    )
+    timeout: Duration = Field(600.0, description="Timeout of each robot's part; progress extends it.")
+    robot_failed: RobotFailedConfig = Field(RobotFailedConfig(), description="Reaction to a failed robot.")
+    undo: dict[Name, ActConfig] = Field({}, description="Acts that undo the step, by role.")
 
     @model_validator(mode="after")
     def _one(self) -> Self:
@@ -346,24 +353,24 @@ class MissionConfig(Model):
 
     version: Literal[1] = Field(description="The version of this grammar: 1.")
     summary: str = Field("", max_length=200, description="One line for people.")
-    inputs: dict[Name, InputConfig] = Field({}, description="Values that are given at the start.")
-    roles: dict[Name, RoleConfig] = Field(min_length=1, description="The parts, filled by robots.")
-    require: RequireConfig = Field(RequireConfig(), description="What every robot must have.")
+    inputs: dict[Name, InputConfig] = Field({}, description="Values to be given at the start.")
+    roles: dict[Name, RoleConfig] = Field(min_length=1, description="The roles, filled with robots.")
+    require: RequireConfig = Field(RequireConfig(), description="Requirements of every robot.")
     occupies: tuple[Name, ...] = Field(
-        (), description="Places that it has until its end, each up to its capacity."
+        (), description="Places that it occupies until its end, up to their capacity."
     )
     occupy_within: Duration = Field(
         600.0, description="How long the run waits for these places before it begins; then it fails."
     )
     quorum: dict[Name, int] = Field(
-        {}, description="Robots that each role must keep. Left out: the least of its count."
+        {}, description="Robots that each role must keep. Left out: the minimum of its count."
     )
-    deadline: Duration | None = Field(None, description="The whole run ends by then; nothing extends it.")
-    steps: list[StepConfig] = Field(min_length=1, max_length=200, description="What is done, in order.")
+    deadline: Duration | None = Field(None, description="The whole run must end by then; nothing extends it.")
+    steps: list[StepConfig] = Field(min_length=1, max_length=200, description="The steps, in order.")
     on_failure: Literal["hold", "undo", "stop"] = Field(
         "hold",
-        description="hold: its robots stand still; undo: then what undoes the steps, backwards; stop: "
-        "their emergency stop is set, which a person releases.",
+        description="hold: its robots hold their position; undo: then the steps are undone in reverse "
+        "order; stop: their emergency stop is set, which a person must release.",
     )
     on_abort: str = Field("hold", min_length=1, max_length=64, description="hold, or a command for all.")
     on_restart: Literal["fail", "hold_and_ask", "continue"] = Field(

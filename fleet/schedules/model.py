@@ -36,7 +36,7 @@ class ScheduleConfig(Model):
         "twice when clocks go back fires once, one that is left out fires at the end of the gap.",
     )
     every: Duration | None = Field(
-        None, ge=SHORTEST, description="So often, as in 15 min; counted from 1970-01-01T00:00Z."
+        None, ge=SHORTEST, description="Period, as in 15 min; counted from 1970-01-01T00:00Z."
     )
     once: str | None = Field(None, description="A date with time, as in 2026-11-22T06:00.")
     on_event: EventTrigger | None = Field(None, description="An event of a robot.")
@@ -48,12 +48,12 @@ class ScheduleConfig(Model):
         description="How long after it was due it may still be started, as in 10 min; later it is missed.",
     )
     missed: Missed = Field(
-        "skip", description="What is done about missed firings: nothing, or one start for all of them."
+        "skip", description="Reaction to missed firings: none, or one start for all of them."
     )
     busy: Busy = Field(
         "skip",
-        description="While another run has the mission or its robots: skip, queue (one waits, until it is "
-        "too late), or replace (that run is ended).",
+        description="While another run has the mission or its robots: skip, queue (one firing waits, "
+        "until it is too late), or replace (that run is ended).",
     )
     enabled: bool = Field(True, description="`fleet schedule enable` and `disable` change it.")
 
