@@ -98,7 +98,7 @@ def read_archive(path: Path) -> tuple[Manifest, dict[str, bytes]]:
             listed = {member.name for member in archive.getmembers()} - {MANIFEST}
     except (tarfile.TarError, EOFError, OSError, KeyError, ValueError) as error:
         words = getattr(error, "strerror", None) or error
-        raise BackupError(f"{path} is no whole backup: {words}; take another copy of it") from None
+        raise BackupError(f"{path} is no complete backup: {words}; take another copy of it") from None
     if extra := listed - contents.keys():
         raise BackupError(f"{path}: {min(extra)} is not in its manifest: it is not as fleet backup made it")
     return manifest, contents

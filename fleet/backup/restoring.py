@@ -169,7 +169,7 @@ def _written(manifest: Manifest, contents: Mapping[str, bytes], state: Path) -> 
 def _stop_everything(journal: Path, manifest: Manifest) -> None:
     """Set the emergency stop of every robot; set stops keep their cause, releases are removed."""
     made = time.strftime(_DAY, time.localtime(manifest.made))
-    why = f"restored from a backup of {made}: nobody knows whether a stop was set since"
+    why = f"restored from a backup of {made}: a stop may have been set since"
     with contextlib.closing(sqlite3.connect(journal, isolation_level=None)) as database:
         if database.execute("PRAGMA user_version").fetchone()[0] == 0:  # a backup without a journal
             steps = "; ".join(JOURNAL_FORMATS)

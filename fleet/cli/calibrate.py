@@ -35,7 +35,9 @@ def calibrated(
     further, turned = way / max(told, 1e-6), 1.0 + off / 360.0
     for what, factor in (("way", further), ("turn", turned)):
         if not SANE[0] <= factor <= SANE[1]:
-            raise Refused(f"a {what} of {factor:.2f} times what was told cannot be", hint="measure again")
+            raise Refused(
+                f"a {what} of {factor:.2f} times the reported value is not plausible", hint="measure again"
+            )
     return {
         "track": round(track * further / turned, 5),
         "left": round(before.get("left", 1.0) * further, 5),

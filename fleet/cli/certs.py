@@ -79,7 +79,7 @@ def issue(out: Output, name: str, *, role: str, hosts: tuple[str, ...], days: in
     """Make a key and a certificate for NAME: an edge's id, a worker's name, or a name of your choice."""
     if _checked(name) in _revoked(folder):
         raise click.ClickException(
-            f"{name} is revoked: what was issued for it would come in again; take another"
+            f"{name} is revoked: its old certificate would be accepted again; choose another name"
         )
     until = _now() + timedelta(days=days)
     identity = Identity(name, role, tuple(dict.fromkeys((*hosts, name, "localhost", "127.0.0.1"))), until)

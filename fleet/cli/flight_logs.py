@@ -111,7 +111,7 @@ def _pieces(asker: RobotQuery, log: _Log, at: int) -> Iterator[bytes]:
             piece = convert_strictly(said, _Piece)
             data = base64.b64decode(piece.data, validate=True)
         except (msgspec.ValidationError, binascii.Error) as error:
-            raise Refused(f"{asker.robot.name} answers what is no log: {error}") from None
+            raise Refused(f"{asker.robot.name} does not answer with a log: {error}") from None
         if piece.offset != at or not 0 < len(data) <= count:
             raise Refused(f"{asker.robot.name} gave {len(data)} bytes at {piece.offset}, not {count} at {at}")
         yield data
@@ -124,7 +124,7 @@ def _list(asker: RobotQuery) -> list[_Log]:
     try:
         return convert_strictly(said, list[_Log])
     except msgspec.ValidationError as error:
-        raise Refused(f"{asker.robot.name} answers what are no logs: {error}") from None
+        raise Refused(f"{asker.robot.name} does not answer with logs: {error}") from None
 
 
 def _when(seconds: int) -> str:

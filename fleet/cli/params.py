@@ -173,4 +173,4 @@ def _checked(said: object, kind: type[AnswerT], robot: str) -> AnswerT:
     try:
         return convert_strictly(said, kind)
     except msgspec.ValidationError as error:
-        raise Refused(f"{robot} answers what are no parameters: {error}") from None
+        raise Refused(f"{robot} does not answer with parameters: {error}") from None

@@ -92,4 +92,4 @@ def _checked(answered: QueryResult) -> _Answer:
     try:
         return convert_strictly(answered.get(), _Answer)
     except msgspec.ValidationError as error:
-        raise Refused(f"{answered.robot.name} answers what is no check list: {error}") from None
+        raise Refused(f"{answered.robot.name} does not answer with a check list: {error}") from None

@@ -107,4 +107,4 @@ def _approaches(result: RehearsalResult) -> Iterator[str]:
         kept = f"{each.kept:g} m are kept"
         yield f"  {each.metres:6.2f} m  {' and '.join(each.robots)}, after {each.at:g} s; {kept}"
     if not result.approaches:
-        yield "  nobody knows: no two robots are placed in the site's frame, or none moved"
+        yield "  unknown: no two robots are placed in the site's frame, or none moved"

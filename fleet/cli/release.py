@@ -47,7 +47,7 @@ def release(out: Output, robots: tuple[str, ...], *, everything: bool, file: str
         if not state.emergency_stop and not everything:
             out.note(f"{state.name}: no emergency stop is set")
     if not stopped:
-        out.note("nobody is to be released")
+        out.note("no robot needs a release")
     released = [
         _for_programs(state, causes.get((state.edge, state.name)), reply)
         for state, reply in zip(stopped, replies, strict=True)
@@ -87,6 +87,6 @@ def _causes(edges: Edges, stopped: Iterable[RobotState]) -> dict[tuple[str, str]
 def _told(state: RobotState, cause: Record | None) -> str:
     """Describe who stopped a robot, when and why."""
     if cause is None:
-        return f"stopped: {state.stop_cause or 'nobody knows why'}"
+        return f"stopped: {state.stop_cause or 'cause unknown'}"
     reason = cause.data.get("reason") or state.stop_cause or cause.text
     return f"stopped by {who(cause)}, {when(cause.stamp)}: {reason}"

@@ -37,7 +37,7 @@ def _data(pairs: tuple[str, ...]) -> dict[str, object]:
     """Return a command's data; a repeated key is an error that must not move a robot."""
     data = dict(pair(each) for each in pairs)
     if len(data) != len(pairs):
-        raise click.BadParameter("a key stands twice")
+        raise click.BadParameter("a key is given twice")
     return data
 
 

@@ -92,7 +92,9 @@ class CommonStart:
         for robot, _, _ in self._asked:
             bus_session = self._edges.session_of(robot)
             if bus_session is None:
-                raise Refused(f"{robot.name}: {robot.cause or 'nobody speaks for it'}: nobody is started")
+                raise Refused(
+                    f"{robot.name}: {robot.cause or 'no process reports its state'}: nobody is started"
+                )
             if robot.edge not in self._lanes:
                 self._lanes[robot.edge] = bus_session
                 self._tokens.append(bus_session.token(keys.starting(robot.edge, self._id)))

@@ -26,7 +26,7 @@ def ask_changes(edge: str, file: str, asked: ChangesAsked) -> ChangesAnswer | No
             older = (
                 f": it runs fleet {version}; if that is older, restart it with this one" if version else ""
             )
-            raise TimedOut(f"edge {edge} does not say what it runs with{older}") from error
+            raise TimedOut(f"edge {edge} does not report its configuration{older}") from error
     if answer.refusal:
         raise Refused("; ".join((f"edge {edge}: {answer.refusal}", *answer.problems)))
     return answer

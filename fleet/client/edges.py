@@ -152,7 +152,7 @@ class Edges:
         """Return the vocabulary of a robot; raises TimedOut if its process does not answer."""
         for _, _, found in self.asked(keys.description(robot.edge, robot.name), RobotDescription):
             return found
-        raise TimedOut(f"{robot.name} does not say what it takes: {robot.cause or 'its process is silent'}")
+        raise TimedOut(f"{robot.name} does not report its commands: {robot.cause or 'its process is silent'}")
 
     def session_of(self, robot: RobotState) -> ZenohSession | None:
         """Return the bus session from which a robot's state came; None for a robot without a state."""

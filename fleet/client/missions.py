@@ -54,7 +54,7 @@ class MissionRun:
                 if state.outcome:
                     return
             elif time.monotonic() - heard > SILENT:
-                raise TimedOut(f"run {self.id}: the edge does not answer; nobody knows")
+                raise TimedOut(f"run {self.id}: the edge does not answer; the outcome is unknown")
             time.sleep(every)
 
     def wait(self) -> RunState:

@@ -59,7 +59,7 @@ def issue_pair(authority: Pair, identity: Identity, now: datetime) -> Pair:
     """Return a new key and a certificate for an identity, for both ends of a connection."""
     signer = load_pem_private_key(authority.key, None)
     if not isinstance(signer, ec.EllipticCurvePrivateKey):
-        raise ValueError("the authority's key is none on an elliptic curve")  # noqa: TRY004 - bad content
+        raise ValueError("the authority's key is not on an elliptic curve")  # noqa: TRY004 - bad content
     issuer = x509.load_pem_x509_certificate(authority.certificate)
     key = ec.generate_private_key(ec.SECP256R1())
     uses = [ExtendedKeyUsageOID.SERVER_AUTH, ExtendedKeyUsageOID.CLIENT_AUTH]

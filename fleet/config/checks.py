@@ -74,7 +74,7 @@ def warn_of_batteries(robots: Mapping[int, AdapterConfig], document: Document) -
         at = ("robots", index, "battery_policy")
         mark = document.keys.get((*at, "low")) or document.marks.get(at) or document.marks["robots", index]
         message = f"low ({policy.low:g} %) is below reserve ({policy.reserve:g} %)"
-        document.warn(mark, message, "what is done at low would end below the reserve; make low the larger")
+        document.warn(mark, message, "the action at low would end below the reserve; make low larger")
 
 
 def check_followers(robots: Mapping[int, AdapterConfig], document: Document) -> None:
@@ -112,7 +112,7 @@ def warn_of_places(
     _warn_of_unplaced(sorted(robots.keys() - {*on_earth, *started}), document)
     others_on_earth = has_partners or set(on_earth) - set(started)
     for index in started if not has_site and others_on_earth else ():
-        message = "nobody knows where its start is on Earth, where other robots are: separation unknown"
+        message = "the position of its start on Earth is unknown: no separation from robots placed on Earth"
         mark = document.marks.get(("robots", index, "start")) or document.marks["robots", index]
         document.warn(mark, message, "site: {origin: [latitude, longitude, altitude]}")
 
@@ -235,7 +235,7 @@ def _check_console_map(data: Mapping[str, object], document: Document) -> None:
         return
     if not isinstance(site, dict) or site.get("origin") is None:
         hint = "site: {origin: [latitude, longitude, altitude]}"
-        document.report(document.marks["console", "map"], "nobody knows where the site is on this map", hint)
+        document.report(document.marks["console", "map"], "the site's position on this map is unknown", hint)
 
 
 def _check_workflows(data: Mapping[str, object], document: Document) -> None:
@@ -271,11 +271,11 @@ def check_bus(bus: BusConfig, document: Document) -> None:
             if wrong:
                 document.report(mark, wrong)
             elif carried_in_the_open(end) and bus.insecure is not True:
-                message = "the password is asked for, but what is said can be read and changed on the way"
+                message = "the password is required, but the traffic can be read and changed on the network"
                 document.warn(mark, message, "use a tls/ endpoint with tls:")
     if tls is not None and bus.listen and bus.access is None:
         message = (
-            "whoever has a certificate of the authority may do everything, another edge or a program too"
+            "every certificate of the authority permits everything, also that of another edge or a program"
         )
         document.warn(
             document.marks["bus", "tls"], message, "say who may do what in bus.access (docs/how-to/bus.md)"

@@ -51,7 +51,7 @@ def _way_back(role: str, acts: Mapping[str, ActConfig]) -> str:
     act = acts.get(role)
     while act is not None and act.follow is not None:
         if role in before:
-            return f"nobody goes ahead: {' > '.join([*before, role])}"
+            return f"no robot leads: {' > '.join([*before, role])}"
         before.append(role)
         role = act.follow
         act = acts.get(role, acts.get(ALL))

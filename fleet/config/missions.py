@@ -321,7 +321,7 @@ class _Check:
         event, known = condition.event, self._known.events
         if event is not None and known is not None and event not in known:
             hint = nearest(event, known) or "name it under events: in fleet.yaml, where a program reports it"
-            self.report((*where, "event"), f"nobody reports the event {event!r}", hint)
+            self.report((*where, "event"), f"there is no source of the event {event!r}", hint)
 
     def _act(self, act: ActConfig, role: str, where: Path) -> None:
         """Check the act of one role."""
@@ -329,7 +329,7 @@ class _Check:
             self._place(act.goto, (*where, "goto"))
         value, place = getattr(act, act.verb), (*where, act.verb)
         if act.verb in {"goto", "path"} and self._known.on_earth is False and _is_on_earth(value):
-            message = "nobody knows where the site is on Earth"
+            message = "the site's position on Earth is unknown"
             self.report(place, message, "site: {origin: [latitude, longitude, altitude]} in fleet.yaml")
         files = value if isinstance(value, list) else [value]
         if (

@@ -45,19 +45,19 @@ _INTEGER = re.compile(r"[-+]?(0|[1-9][0-9]{0,30})")
 _HEX_OR_OCTAL = re.compile(r"0x[0-9a-fA-F]{1,16}|0o[0-7]{1,22}")
 _FLOAT = re.compile(r"[-+]?(\.[0-9]+|(0|[1-9][0-9]*)(\.[0-9]*)?)([eE][-+]?[0-9]{1,4})?")
 _HINTS = (
-    ("did not find expected ','", "${", 'inside {...} and [...] a variable stands in quotes: "${NAME}"'),
+    ("did not find expected ','", "${", 'inside {...} and [...] a variable must be quoted: "${NAME}"'),
     ("did not find expected ','", "", "is a comma or a closing bracket or quote missing, here or above?"),
     ("did not find expected node", "", "is a closing bracket or a value missing, here or above?"),
     (
         "mapping values are not allowed",
         "",
-        "indent it as the lines around it; text with ': ' stands in quotes",
+        "indent it as the lines around it; text with ': ' must be quoted",
     ),
     ("did not find expected key", "", "indent it as the lines around it"),
     ("did not find expected '-'", "", "indent it as the lines around it"),
     ("could not find expected ':'", "", "a key is followed by a colon and a space"),
     ("found unexpected end of stream", "", "is a closing quote missing?"),
-    ("found undefined alias", "", "text that begins with * stands in quotes"),
+    ("found undefined alias", "", "text that begins with * must be quoted"),
 )
 """Hints for parser errors: a part of the message, a text in the line, the hint."""
 _SPECIAL = re.compile(r"([-+]?)\.(inf|Inf|INF)|\.(nan|NaN|NAN)")

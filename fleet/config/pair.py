@@ -61,7 +61,7 @@ def check_pair(robots: Mapping[int, tuple[AdapterConfig, Plugin]], document: Doc
             document.report(mark, message, "worker: main, or put it into an edge of its own")
         for link in filter(is_local_link, links_of(robot)):
             message = f"{robot.name} has no standby: only one computer can open {link}"
-            document.warn(mark, message, "nobody reaches it while the other edge has the lease")
+            document.warn(mark, message, "it cannot be reached while the other edge has the lease")
 
 
 def links_of(robot: AdapterConfig) -> list[str]:

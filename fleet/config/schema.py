@@ -185,7 +185,7 @@ class CloudConfig(TopicsConfig):
         named = secrets if self.username is None else {"username": self.username, **secrets}
         for key, text in named.items():
             if not text.strip():
-                raise wrong(key, "is empty: nobody is let in by it; leave the key out, or give it a value")
+                raise wrong(key, "is empty and grants no access; leave the key out, or give it a value")
         password = secrets.get("password", TOKEN)
         if self.username is None and not password.startswith(TOKEN):
             raise wrong(

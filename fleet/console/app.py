@@ -46,9 +46,9 @@ from fleet.console.tab import Tab
 from fleet.errors import Refused, WireError
 from fleet.runtime.decoding import decode_json
 
-NOT_IN = "nobody is signed in: open a new link, which  fleet console --link  prints"
+NOT_IN = "not signed in: open a new link, printed by  fleet console --link"
 USED = "this link was used already, or is older than ten minutes: fleet console --link  prints a new one"
-LOGGED_OUT = "nobody is logged in here, or the session has ended: log in"
+LOGGED_OUT = "not logged in, or the session has ended: log in"
 LOGIN_PAGE = "/login.html"
 SESSION_ENDED = 4401  # close code of our own
 PROOF = "x-fleet-proof"

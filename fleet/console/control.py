@@ -32,5 +32,5 @@ def answered(asked: GiveAsked, view: FleetView, operator: Operator) -> dict[str,
     """Return the request with its answer; raises Refused for an operator who was not asked."""
     found: dict[str, object] | None = view.get("requests", asked.robot)
     if found is None or found["holder"] != operator.name or found["answer"]:
-        raise Refused("nobody asks you for it")
+        raise Refused("nobody has asked you for it")
     return found | {"answer": "given" if asked.give else "kept"}

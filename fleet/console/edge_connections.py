@@ -145,7 +145,7 @@ class EdgeConnections:
                 if taker is not None:
                     taker(parts, pending[key])
             except (msgspec.DecodeError, WireError, ValueError) as error:
-                log.warning("what %s says cannot be read: %s", key, error)
+                log.warning("the message on %s cannot be read: %s", key, error)
 
     def _take_state(self, _parts: list[str], payload: bytes) -> None:
         """Take a robot's state."""

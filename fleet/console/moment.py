@@ -69,7 +69,7 @@ class _Shown:
         try:
             self._takers[message.schema](message)
         except _BROKEN as error:
-            log.warning("what was recorded on %s cannot be read: %s", message.topic, error)
+            log.warning("the message recorded on %s cannot be read: %s", message.topic, error)
 
     def entries(self) -> dict[str, Any]:
         """Return the entries by kind and identity, and the events, newest first."""

@@ -37,7 +37,7 @@ class Pasts:
     async def moment(self, at: float) -> dict[str, Any]:
         """Return the fleet at a moment (Unix s); raises Refused if nothing is recorded, and StateError."""
         if not math.isfinite(at) or not 0 <= at < 1e10:
-            raise Refused("this is no moment")
+            raise Refused("this is no valid time")
         async with self._reading:
             return await asyncio.to_thread(self._moment, at)
 

@@ -32,7 +32,7 @@ log = logging.getLogger(__name__)
 ANSWER_WITHIN = 2.0  # s for an edge to confirm that the stop is set
 LOOK = 0.05  # s between polls of the progress
 THREADS = 64  # stops that may wait for answers at once; reserved for stops
-NO_ANSWER = "nobody said that its stop is set"
+NO_ANSWER = "no confirmation that its stop is set"
 NOT_SEEN = f"not seen to stand within {SEEN_WITHIN:g} s"
 
 Lanes = Callable[[], Mapping[str, ZenohSession]]

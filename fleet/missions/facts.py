@@ -60,7 +60,7 @@ class Seen:
         """Describe how far a robot is from its paused position; empty if close or if that was unknown."""
         now = self.position(robot)
         if since is None or now is None:
-            return "" if since is None else "nobody knows where it is"
+            return "" if since is None else "its position is unknown"
         metres = math.dist(since, now)
         return f"it is {metres:.1f} m from where it was left" if metres > MOVED else ""
 

@@ -19,7 +19,7 @@ def require_reach(program: Program, robots: RunRobots, edge: str, elsewhere: Els
     if others and program.occupies:
         name, there = min(others.items())
         raise Refused(
-            f"{', '.join(program.occupies)}: nobody keeps a place free on two edges, and {name} of {there} "
+            f"{', '.join(program.occupies)}: a place cannot be occupied on two edges, and {name} of {there} "
             f"takes part",
             hint=f"leave out occupies, or the robots of {there}",
         )

@@ -40,7 +40,7 @@ class SiteMap(msgspec.Struct, frozen=True):
             place = self.places.get(value) if isinstance(value, str) else None
             return tuple(place.at if place is not None else value)
         if self.origin is None:
-            raise Refused("nobody knows where the site is on Earth: site: {origin: ...} in fleet.yaml")
+            raise Refused("the site's position on Earth is unknown: site: {origin: ...} in fleet.yaml")
         point = world_from_geo(self.origin, GeoPoint(earth[0], earth[1], self.origin.altitude))
         return point.x, point.y
 

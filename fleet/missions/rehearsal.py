@@ -179,7 +179,7 @@ def refusal(passes: Iterable[Passed], present: Present) -> str:
     reasons = [why_stale(passed, present) for passed in passes if passed.program == wanted]
     if not all(reasons):
         return ""
-    return reasons[0] if reasons else "nobody has rehearsed it with these inputs"
+    return reasons[0] if reasons else "it has not been rehearsed with these inputs"
 
 
 def why_stale(passed: Passed, present: Present) -> str:

@@ -31,7 +31,7 @@ _ENDS: Mapping[Outcome, str] = MappingProxyType(
         Outcome.TAKEN: "was taken in {}",
         Outcome.STOPPED: "was stopped in {}",
         Outcome.SKIPPED: "was ended in {}",
-        Outcome.UNKNOWN: "ended {} in a way that nobody saw",
+        Outcome.UNKNOWN: "ended {} without being observed",
     }
 )
 NOT_OURS = frozenset({Outcome.LOST, Outcome.TAKEN, Outcome.STOPPED})

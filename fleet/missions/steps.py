@@ -134,7 +134,7 @@ class Steps:
         if self.head.phase is not Phase.PREPARING or robot not in self._unprepared:
             return
         if refusal:
-            self.losses.fail(f"step {self.name}: {robot} cannot: {refusal}; nobody moved")
+            self.losses.fail(f"step {self.name}: {robot} cannot: {refusal}; no robot moved")
             return
         self._unprepared.discard(robot)
         step = instruction_of(self.program, self.head)
@@ -147,9 +147,9 @@ class Steps:
         if event.step != self.name or not isinstance(step, Do) or self.head.phase not in GOING_ON:
             return
         for part in self.robots.parts_of(self.name):
-            self.robots.end(part, Outcome.SKIPPED, "nobody was started", self.losses.now)
+            self.robots.end(part, Outcome.SKIPPED, "no robot was started", self.losses.now)
         self.head.begun.pop()
-        self.losses.fail(f"step {self.name}: {event.reason}; nobody moved")
+        self.losses.fail(f"step {self.name}: {event.reason}; no robot moved")
 
     def time_passes(self) -> None:
         """End a wait that is over or fulfilled, and a preparation that takes too long."""
@@ -158,10 +158,10 @@ class Steps:
         if self.head.phase is Phase.FILLING and late:
             self.enlisted(Enlisted(self.head.enlists, f"it did not join within {ENLISTED_WITHIN:g} s"))
         if self.head.phase is Phase.OCCUPYING and self.losses.now >= self.head.until + TOLD_WITHIN:
-            self.losses.fail("nobody said whether its places are free")
+            self.losses.fail("no answer whether its places are free")
         if self.head.phase is Phase.PREPARING and late:
             missing = ", ".join(sorted(self._unprepared))
-            self.losses.fail(f"step {self.name}: {missing} did not say whether it can; nobody moved")
+            self.losses.fail(f"step {self.name}: {missing} did not say whether it can; no robot moved")
         if self.head.phase is not Phase.WAITING:
             return
         step = instruction_of(self.program, self.head)
@@ -172,7 +172,7 @@ class Steps:
                 self.next()
                 return
         if late and waits_for is not None and waits_for.fails:
-            self.losses.fail(f"step {self.name}: what it waited for did not come")
+            self.losses.fail(f"step {self.name}: its condition did not occur in time")
         elif late:
             self.next()
 
@@ -200,7 +200,7 @@ class Steps:
         if through or not parts or step.finish == "all":
             self.next()
         else:
-            self.losses.fail(f"step {self.name}: nobody that it depends on was through")
+            self.losses.fail(f"step {self.name}: no robot that it depends on has finished")
 
     # -- kinds of instructions: each returns whether it must wait --------------------------------------
 
@@ -246,7 +246,7 @@ class Steps:
         """Begin a step of robots, if all requirements are met."""
         self.head.phase = Phase.STEP
         for robot, act in self.robots.acts_of(step.acts):
-            nobody = "nobody is left whom it could follow" if act.verb == "follow" and not act.value else ""
+            nobody = "there is no robot left to follow" if act.verb == "follow" and not act.value else ""
             lacking = nobody or self.seen.lacks(robot, required(self.program, self.head))
             if lacking:
                 self.losses.lose(robot, Outcome.REFUSED, lacking)

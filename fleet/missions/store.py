@@ -156,7 +156,7 @@ class Store:
             try:
                 found.append(self._kept(run, about, program, head, stamp, elapsed))
             except (msgspec.DecodeError, sqlite3.Error) as error:
-                self.lost = f"run {run} cannot be read, and nobody knows how it ended: {error}"
+                self.lost = f"run {run} cannot be read, its outcome is unknown: {error}"
                 log.error("%s", self.lost)  # noqa: TRY400 - reported in the edge's health
                 with contextlib.suppress(sqlite3.Error):
                     self._database.execute("UPDATE run SET ended = 2 WHERE id = ?", (run,))

@@ -30,10 +30,10 @@ OUTCOMES: Mapping[str, str] = MappingProxyType(
         "failed": "is out of the run, because it failed",
         "late": "is out of the run, because it was not done in time",
         "lost": "is out of the run, because it does not answer",
-        "taken": "is out of the run, because somebody else has it",
+        "taken": "is out of the run, because it was taken",
         "stopped": "is out of the run, because it was stopped",
         "skipped": "was not through when the run ended",
-        "unknown": "ended in a way that nobody saw",
+        "unknown": "ended without being observed",
     }
 )
 

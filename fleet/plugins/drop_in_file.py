@@ -46,11 +46,9 @@ def insecure(path: Path) -> str:
     try:
         found = path.stat()
     except OSError as error:
-        return f"it cannot be looked at: {error.strerror}"
+        return f"it cannot be examined: {error.strerror}"
     if found.st_uid not in (0, os.geteuid()):
-        return (
-            f"it belongs to another user (uid {found.st_uid}): who owns it decides what runs here; chown it"
-        )
+        return f"it belongs to another user (uid {found.st_uid}): its owner controls what runs here; chown it"
     if found.st_mode & WRITABLE_BY_OTHERS:
         mode = stat.S_IMODE(found.st_mode)
         return f"others may write it (mode {mode:04o}), and so decide what runs here: chmod go-w {path}"

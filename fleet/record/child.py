@@ -59,6 +59,6 @@ class RecorderChild:
             try:
                 self._told = self._program.problem = decode_json(line, str)
             except msgspec.DecodeError:
-                log.warning("the recorder says what cannot be read")
+                log.warning("the recorder's report cannot be read")
             if not self._told:
                 self.recording.set()

@@ -286,7 +286,7 @@ def _absent(task: RehearsalTask, there: Container[str]) -> Iterator[str]:
     for placed in task.robots:
         state = placed.state
         if state.name not in there:
-            yield f"{state.name} is in nobody's way: nobody knows where it is"
+            yield f"{state.name} is ignored: its position is unknown"
         elif state.name not in taking_part and (state.activity or (state.speed or 0.0) > MOVES):
             yield f"{state.name} stays where it is, though it moves now"
 

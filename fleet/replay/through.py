@@ -185,7 +185,7 @@ def _adapter(plugin: type[AnyAdapter], config: AdapterConfig, robot: ReplayedRob
     adapter = plugin.replayed(config, robot)
     if adapter is None:
         raise Refused(
-            f"{plugin.__name__} cannot be replayed: it says nothing of it in replayed()",
+            f"{plugin.__name__} cannot be replayed: it does not override replayed()",
             hint="fleet replay without --through-adapters plays its reports",
         )
     return adapter
