@@ -30,7 +30,7 @@ class BackupError(FleetError):
     """A backup cannot be made, or cannot be used."""
 
 
-class Entry(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+class FileEntry(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """One file: its size in bytes and its SHA-256."""
 
     size: int
@@ -48,16 +48,16 @@ class Manifest(msgspec.Struct, frozen=True):
     edge: str
     version: str
     made: float
-    files: dict[str, Entry]
+    files: dict[str, FileEntry]
     config_file: str = ""
     secrets: tuple[str, ...] = ()
     keys: tuple[str, ...] = ()
     masked: tuple[str, ...] = ()
 
 
-def entry_of(content: bytes) -> Entry:
+def entry_of(content: bytes) -> FileEntry:
     """Return the entry of a file."""
-    return Entry(len(content), hashlib.sha256(content).hexdigest())
+    return FileEntry(len(content), hashlib.sha256(content).hexdigest())
 
 
 def write_archive(path: Path, manifest: Manifest, contents: Mapping[str, bytes]) -> None:
@@ -133,7 +133,7 @@ def _check_name(name: str, path: Path) -> None:
         raise BackupError(f"{path}: {name!r} is no name of a file of a backup")
 
 
-def _content(archive: tarfile.TarFile, name: str, entry: Entry) -> bytes:
+def _content(archive: tarfile.TarFile, name: str, entry: FileEntry) -> bytes:
     """Return a file that matches its entry; raises BackupError, or KeyError if it is missing."""
     member = archive.getmember(name)
     if not member.isreg() or member.size != entry.size:

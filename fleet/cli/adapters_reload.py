@@ -15,7 +15,7 @@ from fleet.model.state import RobotState
 
 _ANSWER_WITHIN = 90.0  # s: the file is imported, and validates each robot's config
 _BACK_WITHIN = 30.0  # s
-_LOOK = 0.25  # s
+_POLL_EVERY = 0.25  # s
 
 
 @click.command("reload")
@@ -66,6 +66,6 @@ def _reloaded(out: Output, edges: Edges, edge: str, worker: str, name: str) -> b
             out.say(f"worker {worker}: reloaded; back are {', '.join(state.name for state in mine)}")
             return True
         gone = gone or not here
-        time.sleep(_LOOK)
+        time.sleep(_POLL_EVERY)
     out.note(f"worker {worker}: was started again, and its robots do not answer yet: see fleet ps")
     return False

@@ -84,7 +84,7 @@ def issue(out: Output, name: str, *, role: str, hosts: tuple[str, ...], days: in
     until = _now() + timedelta(days=days)
     identity = Identity(name, role, tuple(dict.fromkeys((*hosts, name, "localhost", "127.0.0.1"))), until)
     _save(folder, name, issue_pair(_authority(folder), identity, _now()), new=True)
-    _told(out, folder, identity)
+    _report_written(out, folder, identity)
     out.note(
         f"in fleet.yaml of the edges it joins, bus.access: {{{name}: {role}}}; they take it when they restart"
     )
@@ -102,7 +102,7 @@ def renew(out: Output, name: str, days: int, folder: Path) -> None:
     before = read_identity(_read(folder / f"{name}.pem"))
     identity = before._replace(until=_now() + timedelta(days=days))
     _save(folder, name, issue_pair(_authority(folder), identity, _now()), new=False)
-    _told(out, folder, identity)
+    _report_written(out, folder, identity)
     out.note("copy both to its computer and restart what uses them; the one before is good until it expires")
 
 
@@ -178,7 +178,7 @@ def _checked(name: str) -> str:
     return name
 
 
-def _told(out: Output, folder: Path, identity: Identity) -> None:
+def _report_written(out: Output, folder: Path, identity: Identity) -> None:
     """Report a written certificate."""
     out.data({"name": identity.name, "role": identity.role, "until": identity.until.isoformat()})
     out.say(f"wrote {folder / identity.name}.pem and .key, good until {identity.until:%Y-%m-%d}")

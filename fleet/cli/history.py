@@ -71,7 +71,7 @@ def _found(robot: str | None, since: float, most: int, file: str | None) -> list
     wanted = EventFilter((robot,) if robot else (), since, most)
     try:
         with Edges.reach(file) as edges:
-            told = _told(edges, robot, since, most)
+            told = _from_edges(edges, robot, since, most)
     except (NotRunning, BusError):
         folders = _folders(file)
         if not any((folder / HISTORY).exists() for folder in folders):
@@ -87,7 +87,7 @@ def _read(folders: Iterable[Path], wanted: EventFilter) -> list[Record]:
     records: list[Record] = []
     problems: list[StateError] = []
     for folder in folders:
-        with _kept(problems):
+        with _collected_error(problems):
             found = read(folder, wanted)
             records += [msgspec.structs.replace(record, edge=folder.name) for record in found]
     if problems and not records:
@@ -95,7 +95,7 @@ def _read(folders: Iterable[Path], wanted: EventFilter) -> list[Record]:
     return newest(records, wanted)
 
 
-def _told(edges: Edges, robot: str | None, since: float, most: int) -> list[Record]:
+def _from_edges(edges: Edges, robot: str | None, since: float, most: int) -> list[Record]:
     """Return the events from running edges, also of a removed robot. Raises UnknownRobot."""
     if robot is None:
         return edges.history(EventFilter((), since, most))
@@ -113,7 +113,7 @@ def _told(edges: Edges, robot: str | None, since: float, most: int) -> list[Reco
 
 
 @contextlib.contextmanager
-def _kept(problems: list[StateError]) -> Iterator[None]:
+def _collected_error(problems: list[StateError]) -> Iterator[None]:
     """Collect the error of a file, so that the other files are still read."""
     try:
         yield

@@ -14,7 +14,7 @@ from fleet.cli.completion import ROBOT
 from fleet.cli.options import reach_option
 from fleet.cli.output import ExitCode, Output, show_error, with_output
 from fleet.cli.rehearsals import follow_rehearsal
-from fleet.cli.runs import follow, lane_lines
+from fleet.cli.runs import follow, run_lines
 from fleet.cli.send import pair
 from fleet.client import mission_requests
 from fleet.client.edges import Edges
@@ -200,10 +200,10 @@ def ps(out: Output, *, ended: bool, file: str | None) -> ExitCode:
             found = [each for each in mission_requests.runs(edges, "*") if ended or not each.outcome]
             if out.as_json or out.height is None or not any(not each.outcome for each in found):
                 break
-            out.screen(lane_lines(found, out.width))
+            out.screen(run_lines(found, out.width))
             time.sleep(LOOK)
     out.data({"runs": [msgspec.to_builtins(each) for each in found]})
-    out.lines(lane_lines(found, out.width))
+    out.lines(run_lines(found, out.width))
     return ExitCode.OK
 
 

@@ -57,7 +57,7 @@ def ps(out: Output, *, everything: bool, watch: bool, wide: str | None, file: st
         _watch(out, file, everything=everything)
         return
     with Edges.reach(file) as edges:
-        found = _look(edges)
+        found = _poll(edges)
     if not found.edges:
         raise NotRunning("; ".join(found.problems))
     for problem in found.problems:
@@ -66,7 +66,7 @@ def ps(out: Output, *, everything: bool, watch: bool, wide: str | None, file: st
     out.lines(overview(found.states, found.edges, width=out.width, height=None if everything else out.height))
 
 
-def _look(edges: Edges) -> FleetState:
+def _poll(edges: Edges) -> FleetState:
     """Poll the edges once."""
     found, states = edges.edges(), edges.states()
     return FleetState(found, states, [*edges.unreached, *edges.silent(found)])
@@ -74,7 +74,7 @@ def _look(edges: Edges) -> FleetState:
 
 def _watch(out: Output, file: str | None, *, everything: bool) -> None:
     """Show the state repeatedly, until interrupted."""
-    for found in _looks(file):
+    for found in _polls(file):
         if out.as_json:
             out.line(json.dumps(_document(found) | {"problems": found.problems}, default=str))
             continue
@@ -83,16 +83,16 @@ def _watch(out: Output, file: str | None, *, everything: bool) -> None:
         out.screen([*found.problems, *lines])
 
 
-def _looks(file: str | None) -> Iterator[FleetState]:
+def _polls(file: str | None) -> Iterator[FleetState]:
     """Yield the state once per second; reconnects when edges appear, disappear or fall silent."""
     while True:
         try:
             with Edges.reach(file) as edges:
-                found = _look(edges)
+                found = _poll(edges)
                 while found.edges and not found.problems and edges.are_all(file):
                     yield found
                     time.sleep(EVERY)
-                    found = _look(edges)
+                    found = _poll(edges)
                 yield found
         except FleetError as error:
             yield FleetState(problems=[str(error)])

@@ -19,7 +19,7 @@ from fleet.client.edges import settings_of
 from fleet.clock import SystemClock
 from fleet.host.runtime.termination_signals import end_by_signal
 from fleet.record.child import EXTRA, is_installed
-from fleet.record.priority import give_way
+from fleet.record.priority import lower_priority
 from fleet.record.task import FOLDER, MIB, RecordTask
 from fleet.runtime.event_loop import run
 
@@ -72,7 +72,7 @@ async def _record(out: Output, task: RecordTask, length: float) -> ExitCode:
     """Record until a signal or the end of the time."""
     from fleet.record.recording import record as recorded  # noqa: PLC0415 - its packages are an extra
 
-    give_way()
+    lower_priority()
     ended = asyncio.Event()
     end_by_signal(ended.set)
     if math.isfinite(length):

@@ -41,7 +41,7 @@ def release(out: Output, robots: tuple[str, ...], *, everything: bool, file: str
         stopped = [state for state in meant.values() if state.emergency_stop]
         causes = _causes(edges, stopped)
         for state in stopped:
-            out.say(f"{state.name}: {_told(state, causes.get((state.edge, state.name)))}")
+            out.say(f"{state.name}: {_cause_words(state, causes.get((state.edge, state.name)))}")
         replies = _release(out, edges, stopped)
     for state in meant.values():
         if not state.emergency_stop and not everything:
@@ -62,9 +62,9 @@ def _release(out: Output, edges: Edges, stopped: Iterable[RobotState]) -> list[R
     asked = []
     for state in stopped:
         payload = stamped({"command": RELEASE, "data": {}})
-        way = edges.command(state, payload, kind="command", wait=False, timeout=RECEIPT_WITHIN)
-        asked.append((state, way))
-    return [last_reply(out, state, way, RELEASE, RECEIPT_WITHIN) for state, way in asked]
+        pending = edges.command(state, payload, kind="command", wait=False, timeout=RECEIPT_WITHIN)
+        asked.append((state, pending))
+    return [last_reply(out, state, pending, RELEASE, RECEIPT_WITHIN) for state, pending in asked]
 
 
 def _for_programs(state: RobotState, cause: Record | None, reply: Reply) -> dict[str, object]:
@@ -84,7 +84,7 @@ def _causes(edges: Edges, stopped: Iterable[RobotState]) -> dict[tuple[str, str]
     return stop_causes(edges.history(EventFilter(names, 0.0, MOST))) if names else {}
 
 
-def _told(state: RobotState, cause: Record | None) -> str:
+def _cause_words(state: RobotState, cause: Record | None) -> str:
     """Describe who stopped a robot, when and why."""
     if cause is None:
         return f"stopped: {state.stop_cause or 'cause unknown'}"

@@ -113,10 +113,10 @@ def _through(out: Output, recording: Path, file: str, names: tuple[str, ...]) ->
             found.append(replay_robot(read, spec.plugin, spec.config))
         except Refused as error:
             refused[config.name] = str(error)
-    return _told(out, found, refused)
+    return _report(out, found, refused)
 
 
-def _told(out: Output, found: list[Replayed], refused: dict[str, str]) -> ExitCode:
+def _report(out: Output, found: list[Replayed], refused: dict[str, str]) -> ExitCode:
     """Show the differences, and the robots that could not be compared."""
     out.data({"robots": msgspec.to_builtins(found), "not_replayed": refused})
     for each in found:

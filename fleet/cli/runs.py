@@ -45,7 +45,7 @@ def robot_lines(state: RunState) -> list[str]:
     return lines
 
 
-def lane_lines(states: Sequence[RunState], width: int | None) -> list[str]:
+def run_lines(states: Sequence[RunState], width: int | None) -> list[str]:
     """Return runs as lines, with the parts of each robot below; ``width`` of the screen."""
     lines = [] if states else ["no run is under way"]
     for state in states:

@@ -215,7 +215,7 @@ def stop(
         if everything:
             missing += [state.name for state in edges.states() if (state.edge, state.name) not in hit]
         failed = _failed(out, edges, hit)
-    return _told(out, effort, edges, StopResult(hit, missing, failed))
+    return _report(out, effort, edges, StopResult(hit, missing, failed))
 
 
 class StopResult(msgspec.Struct, frozen=True):
@@ -262,7 +262,7 @@ def _outcomes(
     return outcomes
 
 
-def _told(out: Output, effort: StopEffort, edges: Edges, result: StopResult) -> ExitCode:
+def _report(out: Output, effort: StopEffort, edges: Edges, result: StopResult) -> ExitCode:
     """Report the stopped robots, the others, the reached edges, and errors in the file."""
     problems = effort.problems
     if not edges.joined and not effort.kept and not result.hit:

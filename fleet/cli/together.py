@@ -84,7 +84,7 @@ class CommonStart:
     def __init__(self, edges: Edges, asked: Sequence[Question], *, kind: str, at: float) -> None:
         self._id = uuid.uuid4().hex
         self._edges, self._at, self._kind = edges, at, kind
-        self._lanes: dict[str, ZenohSession] = {}
+        self._sessions: dict[str, ZenohSession] = {}
         self._asked = asked
         self._tokens: list[Callable[[], None]] = []
 
@@ -95,8 +95,8 @@ class CommonStart:
                 raise Refused(
                     f"{robot.name}: {robot.cause or 'no process reports its state'}: nobody is started"
                 )
-            if robot.edge not in self._lanes:
-                self._lanes[robot.edge] = bus_session
+            if robot.edge not in self._sessions:
+                self._sessions[robot.edge] = bus_session
                 self._tokens.append(bus_session.token(keys.starting(robot.edge, self._id)))
         return self
 
@@ -111,7 +111,7 @@ class CommonStart:
     def check_clocks(self) -> None:
         """Raise Refused for processes whose clocks differ from ours."""
         wanted = {(robot.edge, robot.worker or MAIN) for robot, _, _ in self._asked}
-        for edge, bus_session in self._lanes.items():
+        for edge, bus_session in self._sessions.items():
             offsets = _offsets(bus_session, edge)
             for process in sorted(process for of, process in wanted if of == edge):
                 where = f"edge {edge}" if process == MAIN else f"worker {process} of edge {edge}"
@@ -124,7 +124,7 @@ class CommonStart:
         """
         answers, problems = _first_answers(self._prepared(wait=wait, within=within))
         if not problems:
-            problems = self._told()
+            problems = self._send_instant()
         if problems:
             self._withdraw()
         return answers, problems
@@ -136,12 +136,12 @@ class CommonStart:
         asked: list[Answers] = []
         for robot, command, message in self._asked:
             key = keys.prepare(robot.edge, robot.name)
-            bus_session = self._lanes[robot.edge]
+            bus_session = self._sessions[robot.edge]
             answers = bus_session.ask(key, stamped(message), timeout=last, parameters=parameters)
             asked.append((robot, command, (reply for _, reply in decoded(answers, Reply))))
         return asked
 
-    def _told(self) -> dict[str, str]:
+    def _send_instant(self) -> dict[str, str]:
         """Send the instant to all processes; return errors by robot, also for a missing confirmation."""
         left = self._at - SPARE - time.time()
         if left <= 0:
@@ -150,10 +150,10 @@ class CommonStart:
         asked = msgspec.json.encode(StartAsked(self._id, self._at))
         told = [
             bus_session.ask(keys.starts(edge), asked, timeout=left)
-            for edge, bus_session in self._lanes.items()
+            for edge, bus_session in self._sessions.items()
         ]
         found: dict[str, str] = {}
-        for edge, answers in zip(self._lanes, told, strict=True):
+        for edge, answers in zip(self._sessions, told, strict=True):
             for _, answer in decoded(answers, StartAnswer):
                 found |= {f"{edge}/{name}": why for name, why in answer.robots.items()}
         unheard = "its process did not take the instant in time"

@@ -23,7 +23,7 @@ EVERY = 0.5  # s between polls
 FIGURES_PORT = click.IntRange(0, 65535)
 
 
-class SiteLook:
+class SiteSnapshot:
     """Result of one poll, as lines and for programs."""
 
     def __init__(self, edges: list[SeenEdge], problems: list[str]) -> None:
@@ -87,7 +87,7 @@ def top(
 
             metrics = FleetMetrics(SystemClock())
             metrics.serve(port)
-        for found in _looks(watch, file, site=site):
+        for found in _snapshots(watch, file, site=site):
             if metrics is not None:
                 metrics.take(found.edges)
             if metrics is None or out.as_json or out.height is not None:
@@ -97,7 +97,7 @@ def top(
 def look_once(out: Output, file: str | None, *, site: bool, everything: bool) -> None:
     """Show the edges of a site or a fleet once; raises NotRunning if no bus can be joined."""
     with FleetWatch(file, SystemClock()) as watch:
-        found = next(_looks(watch, file, site=site))
+        found = next(_snapshots(watch, file, site=site))
         if not watch.joined:
             raise NotRunning("; ".join(watch.problems))
     for problem in found.problems:
@@ -106,16 +106,16 @@ def look_once(out: Output, file: str | None, *, site: bool, everything: bool) ->
     out.lines(found.lines(out.width, None if everything else out.height))
 
 
-def _looks(watch: FleetWatch, file: str | None, *, site: bool) -> Iterator[SiteLook]:
+def _snapshots(watch: FleetWatch, file: str | None, *, site: bool) -> Iterator[SiteSnapshot]:
     """Yield the state repeatedly."""
     ours = site_of(file) if site else None
     while True:
         edges = watch.look()
-        yield SiteLook(of_sites(edges, watch.joined, ours) if site else edges, watch.problems)
+        yield SiteSnapshot(of_sites(edges, watch.joined, ours) if site else edges, watch.problems)
         time.sleep(EVERY)
 
 
-def _show(out: Output, found: SiteLook, *, everything: bool) -> None:
+def _show(out: Output, found: SiteSnapshot, *, everything: bool) -> None:
     """Show one of many states."""
     if out.as_json:
         out.line(json.dumps(found.document()))

@@ -51,7 +51,7 @@ class Edges:
         self.unreached = unreached
         self.joined = tuple(bus_sessions)
         self.sessions = tuple(bus_sessions.values())
-        self._ways: dict[tuple[str, str], ZenohSession] = {}
+        self._session_by_robot: dict[tuple[str, str], ZenohSession] = {}
 
     @classmethod
     def reach(cls, file: str | None) -> Self:
@@ -89,7 +89,7 @@ class Edges:
         found: dict[tuple[str, str], RobotState] = {}
         for bus_session, _, state in self.asked(keys.state("*", "*"), RobotState):
             robot = (state.edge, state.name)
-            self._ways.setdefault(robot, bus_session)
+            self._session_by_robot.setdefault(robot, bus_session)
             if robot not in found or state.stamp > found[robot].stamp:
                 found[robot] = state
         return [found[robot] for robot in sorted(found)]
@@ -156,7 +156,7 @@ class Edges:
 
     def session_of(self, robot: RobotState) -> ZenohSession | None:
         """Return the bus session from which a robot's state came; None for a robot without a state."""
-        return self._ways.get((robot.edge, robot.name))
+        return self._session_by_robot.get((robot.edge, robot.name))
 
     def command(
         self, robot: RobotState, payload: bytes, *, kind: str, wait: bool, timeout: float

@@ -48,38 +48,38 @@ class FleetWatch:
         self._ended: dict[str, float] = {}  # when the token of an edge ended
         self._link: Edges | None = None
         self._seen_at = clock.time()
-        self._keep_at = 0.0
-        self._unkept = self._recall()
-        self._kept = set(self._edges)
+        self._save_at = 0.0
+        self._register_problems = self._load()
+        self._saved = set(self._edges)
 
     def __enter__(self) -> Self:
         return self
 
     def __exit__(self, *_: object) -> None:
-        self._leave()
-        self._keep()
+        self._disconnect()
+        self._save()
 
     def look(self) -> list[SeenEdge]:
         """Update the view and return all edges."""
-        if self._link is not None and not self._is_whole(self._link):
-            self._leave()
+        if self._link is not None and not self._is_current(self._link):
+            self._disconnect()
         joined = self._link is not None or self._join()
         now = self._clock.time()
         with self._lock:
             if joined:
                 self._seen_at = now
-                self._let_go(now)
+                self._end_expired_tokens(now)
             found = sorted(self._edges.values(), key=lambda edge: edge.edge)
             refused = [f"edge {edge}: {why}" for edge, why in list(self._refused.items())[:REFUSALS_TOLD]]
         if self._link is not None:
-            self.problems = [*self._link.unreached, *self._unkept, *refused]
-        if self._clock.monotonic() >= self._keep_at:
-            self._keep()
+            self.problems = [*self._link.unreached, *self._register_problems, *refused]
+        if self._clock.monotonic() >= self._save_at:
+            self._save()
         return found if joined else [msgspec.structs.replace(edge, unseen=self._seen_at) for edge in found]
 
     # -- joining -------------------------------------------------------------------------------------------
 
-    def _is_whole(self, link: Edges) -> bool:
+    def _is_current(self, link: Edges) -> bool:
         """Return True if all joined edges are still reached and no other edge runs here."""
         return link.are_all(self._file) and all(session.reached() for session in link.sessions)
 
@@ -90,19 +90,19 @@ class FleetWatch:
             link = Edges.reach(self._file)
         except FleetError as error:
             self.problems = [str(error)]
-            self._end_those_of_here()
+            self._mark_local_gone()
             return False
         self._link, self.joined = link, link.joined
         for number, session in enumerate(link.sessions):
-            session.subscribe(keys.summary("*"), self._told)
-            session.watch_tokens(keys.edge("*"), partial(self._token, number))
+            session.subscribe(keys.summary("*"), self._on_summary)
+            session.watch_tokens(keys.edge("*"), partial(self._on_token, number))
         answers = [session.ask(keys.summary("*"), b"", timeout=ANSWER_WITHIN) for session in link.sessions]
         for number, session in enumerate(link.sessions):
             for key in session.tokens(keys.edge("*"), timeout=ANSWER_WITHIN):
-                self._token(number, key, True)
+                self._on_token(number, key, True)
         for each in answers:
             for key, payload in each:
-                self._told(key, payload)
+                self._on_summary(key, payload)
         self._settle(began)
         return True
 
@@ -115,7 +115,7 @@ class FleetWatch:
                 elif edge.heard < began:
                     self._edges[name] = msgspec.structs.replace(edge, changed=0.0)
 
-    def _end_those_of_here(self) -> None:
+    def _mark_local_gone(self) -> None:
         """Mark the edges of this computer as gone, since none runs here any more."""
         with self._lock:
             for name in self.joined if self._file is None else ():
@@ -126,7 +126,7 @@ class FleetWatch:
         last = max(edge.heard, edge.changed, self._seen_at) if edge.alive else edge.changed
         return msgspec.structs.replace(edge, alive=False, changed=last)
 
-    def _leave(self) -> None:
+    def _disconnect(self) -> None:
         """Close the connection to the edges; it does not mark any as gone."""
         if self._link is not None:
             self._link.__exit__()
@@ -137,7 +137,7 @@ class FleetWatch:
 
     # -- callbacks, on the threads of the bus --------------------------------------------------------------
 
-    def _token(self, session: int, key: str, alive: bool) -> None:  # noqa: FBT001 - signature of the bus callback
+    def _on_token(self, session: int, key: str, alive: bool) -> None:  # noqa: FBT001 - signature of the bus callback
         """Record the appearance or loss of an edge's token on a session."""
         name = key.split("/")[1]
         now = self._clock.time()
@@ -155,7 +155,7 @@ class FleetWatch:
             if not edge.alive:
                 self._edges[name] = msgspec.structs.replace(edge, alive=True, changed=now)
 
-    def _told(self, key: str, payload: bytes) -> None:
+    def _on_summary(self, key: str, payload: bytes) -> None:
         """Decode and store a summary."""
         name = key.split("/")[1]
         try:
@@ -186,7 +186,7 @@ class FleetWatch:
         self._refused.setdefault("(others)", f"more than {MOST} edges; the others are not shown")
         return False
 
-    def _let_go(self, now: float) -> None:
+    def _end_expired_tokens(self, now: float) -> None:
         """Mark edges as gone whose token ended SURE_AFTER ago; call with the lock held."""
         for name, since in list(self._ended.items()):
             if now - since >= SURE_AFTER:
@@ -196,7 +196,7 @@ class FleetWatch:
 
     # -- list of seen edges on disk ------------------------------------------------------------------------
 
-    def _recall(self) -> list[str]:
+    def _load(self) -> list[str]:
         """Load the edges seen before as gone; return the error if they cannot be read."""
         try:
             known = self._register.read()
@@ -205,27 +205,27 @@ class FleetWatch:
         self._edges = {name: msgspec.structs.replace(edge, alive=False) for name, edge in known.items()}
         return []
 
-    def _keep(self) -> None:
+    def _save(self) -> None:
         """Write the list of seen edges, with the present time for those that are alive.
 
         Edges that are gone, and that a person removed from the list meanwhile, are no longer shown.
         """
-        self._keep_at = self._clock.monotonic() + KEEP_EVERY
+        self._save_at = self._clock.monotonic() + KEEP_EVERY
         try:
-            forgotten = self._kept - self._register.read().keys()
+            forgotten = self._saved - self._register.read().keys()
             with self._lock:
                 for name in forgotten & self._edges.keys():
                     if not self._edges[name].alive:
                         del self._edges[name]
-                seen = [self._as_kept(edge) for edge in self._edges.values()]
+                seen = [self._as_saved(edge) for edge in self._edges.values()]
             self._register.keep(seen)
-            self._kept = {edge.edge for edge in seen}
+            self._saved = {edge.edge for edge in seen}
         except StateError as error:
-            self._unkept = [str(error)]
+            self._register_problems = [str(error)]
         else:
-            self._unkept = []
+            self._register_problems = []
 
-    def _as_kept(self, edge: SeenEdge) -> SeenEdge:
+    def _as_saved(self, edge: SeenEdge) -> SeenEdge:
         """Return an edge as it is written: if alive, with the time at which it was last seen."""
         seen = max(edge.changed, self._seen_at)
         return msgspec.structs.replace(edge, changed=seen) if edge.alive else edge

@@ -8,7 +8,7 @@ from fleet.bus import keys
 from fleet.client.edges import Edges
 from fleet.missions.report import ControlAsk, Controlled, MissionState, RunState, StartAsk, Started
 from fleet.missions.results import Result
-from fleet.missions.store import Told
+from fleet.missions.store import RunLogEntry
 
 
 def missions(edges: Edges, name: str) -> list[MissionState]:
@@ -31,9 +31,9 @@ def control(edges: Edges, edge: str, run: str, asked: ControlAsk) -> Controlled:
     return edges.one(keys.run(edge, run), Controlled, asked)
 
 
-def story(edges: Edges, edge: str, run: str) -> list[Told]:
+def story(edges: Edges, edge: str, run: str) -> list[RunLogEntry]:
     """Return the log of a run; raises TimedOut without an answer of its edge."""
-    return edges.one(keys.run(edge, run), list[Told], ControlAsk("log"))
+    return edges.one(keys.run(edge, run), list[RunLogEntry], ControlAsk("log"))
 
 
 def results(edges: Edges, edge: str, run: str) -> list[Result]:

@@ -17,7 +17,7 @@ from fleet.client.local_user import local_user
 from fleet.errors import Refused, TimedOut, WireError
 from fleet.missions.report import ControlAsk, MissionState, RunState, StartAsk, Started
 from fleet.missions.results import Result
-from fleet.missions.store import Told
+from fleet.missions.store import RunLogEntry
 
 LOOK = 0.5  # s between polls of a run
 SILENT = 10.0  # s without an answer of the edge, which may be restarting, before following it fails
@@ -80,7 +80,7 @@ class MissionRun:
         question = state.question.id if state is not None and state.question is not None else 0
         self._control(ControlAsk("answer", question, goes_on=goes_on))
 
-    def log(self) -> list[Told]:
+    def log(self) -> list[RunLogEntry]:
         """Return its log, oldest line first; raises TimedOut."""
         return mission_requests.story(self._edges, self.edge, self.id)
 

@@ -55,7 +55,7 @@ class InnerCheck:
         """Check each step that executes a mission; ``given`` returns its inputs as written."""
         for role, act, where in carried(self._config, at):
             name, place = act.mission or "", (*where, "mission")
-            cycle = self._way_back(name, (self._name,))
+            cycle = self._cycle_from(name, (self._name,))
             inner = self._known.get(name)
             if cycle:
                 self._report(
@@ -69,15 +69,15 @@ class InnerCheck:
                 hint = nearest(name, self._named) or "missions are declared under missions: in fleet.yaml"
                 self._report(place, f"there is no mission {name!r}", hint)
 
-    def _way_back(self, name: str, before: tuple[str, ...]) -> tuple[str, ...]:
+    def _cycle_from(self, name: str, before: tuple[str, ...]) -> tuple[str, ...]:
         """Return the cycle from a mission back to this one; empty if there is none."""
         if name == self._name:
             return (*before, name)
         found = self._known.get(name)
         if found is None or name in before:
             return ()
-        ways = (self._way_back(act.mission or "", (*before, name)) for _, act, _ in carried(found, ()))
-        return next((way for way in ways if way), ())
+        cycles = (self._cycle_from(act.mission or "", (*before, name)) for _, act, _ in carried(found, ()))
+        return next((cycle for cycle in cycles if cycle), ())
 
     def _inputs(self, act: ActConfig, inner: MissionConfig, where: Path, given: Any) -> None:
         """Check the inputs of an inner mission; a value that is itself an input is checked at the start."""

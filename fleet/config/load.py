@@ -34,7 +34,7 @@ from fleet.config.explain import validated, validated_with
 from fleet.config.groups import check_groups, contradiction, said_by_groups
 from fleet.config.identity import Identity, identity_of
 from fleet.config.known import known_of
-from fleet.config.mission_ways import check_ways
+from fleet.config.mission_ways import check_routes
 from fleet.config.missions import Mission, check_missions
 from fleet.config.pair import check_pair, choose_edge
 from fleet.config.places import check_places
@@ -75,7 +75,7 @@ class Loaded(msgspec.Struct, frozen=True):
     secrets: frozenset[str] = frozenset()
 
 
-class _Made(msgspec.Struct, frozen=True):
+class _ValidRobot(msgspec.Struct, frozen=True):
     """A robot accepted by its own adapter's Config."""
 
     config: AdapterConfig
@@ -90,7 +90,7 @@ class _Outline(Sections):
     robots: list[Any] = Field(min_length=1, description="- {name: ..., twin: ..., adapter: ...}")
 
 
-class _AnyRobot(AdapterConfig):
+class _HostFields(AdapterConfig):
     """The part of a robot that can be validated without its adapter."""
 
     model_config = ConfigDict(extra="ignore")
@@ -133,7 +133,7 @@ def _load(file: pathlib.Path, environ: Mapping[str, str], partial: bool, registr
     robots = _robots(document, registry, context)
     _check_together(document, sections, robots)
     missions = check_missions(data, document, file.parent, known_of(data))
-    check_ways(document, sections, (made.config for made in robots.values()), missions)
+    check_routes(document, sections, (made.config for made in robots.values()), missions)
     _warn(document, sections, robots)
     problems = tuple(sorted(set(document.problems), key=_place_in_file))
     runnable = _runnable(robots, problems)
@@ -152,7 +152,7 @@ def _load(file: pathlib.Path, environ: Mapping[str, str], partial: bool, registr
     return Loaded(config, registry, runnable, file.parent, given, problems, warnings, known, file, secrets)
 
 
-def _check_together(document: Document, sections: Sections | None, robots: Mapping[int, _Made]) -> None:
+def _check_together(document: Document, sections: Sections | None, robots: Mapping[int, _ValidRobot]) -> None:
     """Report contradictions between parts of a fleet file that are valid by themselves."""
     identities = {index: robot.identity for index, robot in robots.items() if robot.identity}
     check_robots(document.data.get("robots"), identities, document)
@@ -168,7 +168,7 @@ def _check_together(document: Document, sections: Sections | None, robots: Mappi
         check_places(sections.places, configs.values(), sections.site.origin, document)
 
 
-def _warn(document: Document, sections: Sections | None, robots: Mapping[int, _Made]) -> None:
+def _warn(document: Document, sections: Sections | None, robots: Mapping[int, _ValidRobot]) -> None:
     """Add warnings that need a person's attention."""
     configs = {index: robot.config for index, robot in robots.items()}
     warn_of_batteries(configs, document)
@@ -252,7 +252,7 @@ def _folders(data: Mapping[str, object], folder: pathlib.Path) -> Iterable[pathl
             yield folder / name
 
 
-def _robots(document: Document, registry: Registry, context: Mapping[str, object]) -> dict[int, _Made]:
+def _robots(document: Document, registry: Registry, context: Mapping[str, object]) -> dict[int, _ValidRobot]:
     """Return the valid robots, by index in the list."""
     listed = document.data.get("robots")
     made = {}
@@ -265,7 +265,7 @@ def _robots(document: Document, registry: Registry, context: Mapping[str, object
 
 def _robot(
     robot: object, at: Path, document: Document, registry: Registry, context: Mapping[str, object]
-) -> _Made | None:
+) -> _ValidRobot | None:
     """Validate one robot with its adapter's Config; None after reporting the errors."""
     if at in document.spoiled:
         return None
@@ -274,11 +274,11 @@ def _robot(
     if plugin is not None and plugin.description is not None:
         return _dropped_in(plugin, asked(registry, plugin, merged, at=at, document=document, context=context))
     if plugin is None or plugin.adapter is None:
-        validated(_AnyRobot, merged, at, document, context)
+        validated(_HostFields, merged, at, document, context)
         return None
     try:
         found = validated_with(plugin.adapter.Config, merged, at, document, context)
-        return _Made(found[0], plugin, identity_of(found[0]), json.dumps(found[1])) if found else None
+        return _ValidRobot(found[0], plugin, identity_of(found[0]), json.dumps(found[1])) if found else None
     except KeyboardInterrupt:
         raise
     # The validators are the adapter's own code.
@@ -288,13 +288,13 @@ def _robot(
         return None
 
 
-def _dropped_in(plugin: Plugin, found: tuple[DropInConfig, CheckedConfig] | None) -> _Made | None:
+def _dropped_in(plugin: Plugin, found: tuple[DropInConfig, CheckedConfig] | None) -> _ValidRobot | None:
     """Return a robot accepted by its drop-in file."""
     if found is None:
         return None
     config, said = found
     identity = None if said.identity is None else (plugin.name, said.identity)
-    return _Made(config, plugin, identity, said.given)
+    return _ValidRobot(config, plugin, identity, said.given)
 
 
 def _plugin(robot: object, at: Path, document: Document, registry: Registry) -> Plugin | None:
@@ -378,7 +378,7 @@ def _merged(under: object, over: object, under_at: Path, over_at: Path, document
 
 
 def _runnable(
-    robots: Mapping[int, _Made], problems: Iterable[Problem]
+    robots: Mapping[int, _ValidRobot], problems: Iterable[Problem]
 ) -> tuple[tuple[AdapterConfig, Plugin], ...]:
     """Return the robots without errors, in the order of the file."""
     matches = (_ROBOT_PATH.match(problem.path) for problem in problems)

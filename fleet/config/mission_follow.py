@@ -25,7 +25,7 @@ def follow_problems(step: StepConfig, mission: MissionConfig) -> Iterator[Follow
         if act.follow is not None:
             yield FollowProblem(("undo", role, "follow"), "to follow undoes nothing", "say where it goes")
     for role, act in acts.items():
-        trouble = (act.follow and _trouble(act.follow, mission)) or _way_back(role, acts)
+        trouble = (act.follow and _trouble(act.follow, mission)) or _chain_problem(role, acts)
         if act.follow is not None and trouble:
             hint = "one robot is followed, which does something else in the same step"
             yield FollowProblem(("do", role, "follow"), trouble, hint)
@@ -45,7 +45,7 @@ def _trouble(leader: str, mission: MissionConfig) -> str:
     return f"role {leader} may have {most} robots" if most > 1 else ""
 
 
-def _way_back(role: str, acts: Mapping[str, ActConfig]) -> str:
+def _chain_problem(role: str, acts: Mapping[str, ActConfig]) -> str:
     """Return why a chain of followers has no leader; empty if it has one."""
     before: list[str] = []
     act = acts.get(role)

@@ -21,7 +21,7 @@ from fleet.model.place import Place
 from fleet.robot_config import AdapterConfig
 
 
-class WayCheck:
+class RouteCheck:
     """Checks the missions of a fleet file against the fences and autopilots of its robots."""
 
     def __init__(
@@ -111,7 +111,7 @@ class WayCheck:
             self._document.warn(mark, message, f"they would refuse to {what}")
 
 
-def check_ways(
+def check_routes(
     document: Document,
     sections: Sections | None,
     robots: Iterable[AdapterConfig],
@@ -120,6 +120,6 @@ def check_ways(
     """Report goals and plans of missions that their robots would refuse."""
     if sections is None:
         return
-    check = WayCheck(robots, sections.members, sections.places, sections.site.origin, document)
+    check = RouteCheck(robots, sections.members, sections.places, sections.site.origin, document)
     for mission in missions:
         check.check(mission, ("missions", mission.name))

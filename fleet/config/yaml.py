@@ -49,13 +49,13 @@ class Document(msgspec.Struct):
 
     def report(self, mark: Mark, message: str, hint: str = "") -> None:
         """Add an error with its line of text, without secrets."""
-        self.problems.append(self._told(mark, message, hint))
+        self.problems.append(self._problem(mark, message, hint))
 
     def warn(self, mark: Mark, message: str, hint: str = "") -> None:
         """Add a warning: it needs a person's attention, but the file can be used."""
-        self.warnings.append(self._told(mark, message, hint))
+        self.warnings.append(self._problem(mark, message, hint))
 
-    def _told(self, mark: Mark, message: str, hint: str) -> Problem:
+    def _problem(self, mark: Mark, message: str, hint: str) -> Problem:
         """Return an error with its line of text, without secrets."""
         lines = self.lines.get(mark.file, [])
         text = lines[mark.line - 1] if 0 < mark.line <= len(lines) else ""

@@ -141,7 +141,7 @@ class _App:
         session = self._shown(connection)
         return session.operator if session is not None else None
 
-    def _nobody(self) -> Response:
+    def _unauthorized(self) -> Response:
         """Return the response to a request without a session."""
         if self._login is None:
             return _json({"error": NOT_IN}, 401)
@@ -186,8 +186,8 @@ class _App:
         name = self._sessions.cookie
         operator = self._sessions.operator_of({name: opened.cookie}, opened.proof)
         if operator is None:  # removed at this very moment
-            return self._nobody()
-        response = _json(_told(operator) | {"proof": opened.proof})
+            return self._unauthorized()
+        response = _json(_operator_fields(operator) | {"proof": opened.proof})
         secure = self._login is not None
         response.set_cookie(name, opened.cookie, httponly=True, samesite="strict", path="/", secure=secure)
         return response
@@ -196,20 +196,20 @@ class _App:
         """End a session; its pages are closed at the next tick."""
         session = self._shown(request)
         if session is None:
-            return self._nobody()
+            return self._unauthorized()
         self._sessions.end(session)
         return _json({})
 
     async def _session(self, request: Request) -> Response:
         """Return the operator of the session."""
         operator = self._operator(request)
-        return _json(_told(operator)) if operator else self._nobody()
+        return _json(_operator_fields(operator)) if operator else self._unauthorized()
 
     async def _stop(self, request: Request) -> Response:
         """Stop robots; the response follows when each edge has answered or timed out."""
         operator = self._operator(request)
         if operator is None:
-            return self._nobody()
+            return self._unauthorized()
         try:
             asked = read_stop(await _body(request))
         except WireError as error:
@@ -219,20 +219,20 @@ class _App:
     async def _stopped(self, request: Request) -> Response:
         """Return the progress of a stop."""
         if self._operator(request) is None:
-            return self._nobody()
+            return self._unauthorized()
         found = self._hub.view.get("stops", request.path_params["request"])
         return _json(found) if found else _json({"error": "there is no such stop"}, 404)
 
     async def _basemap(self, request: Request) -> Response:
         """Return the placement of the map under the robots; empty if there is none."""
         if self._operator(request) is None:
-            return self._nobody()
+            return self._unauthorized()
         return _json(self._hub.tiles.told if self._hub.tiles is not None else {})
 
     async def _tile(self, request: Request) -> Response:
         """Send a tile of the map; no content if it has none."""
         if self._operator(request) is None:
-            return self._nobody()
+            return self._unauthorized()
         at = request.path_params
         tiles = self._hub.tiles
         found = await tiles.tile(at["zoom"], at["column"], at["row"]) if tiles is not None else None
@@ -243,7 +243,7 @@ class _App:
     async def _photo(self, request: Request) -> Response:
         """Send the newest picture of a robot."""
         if self._operator(request) is None:
-            return self._nobody()
+            return self._unauthorized()
         photo = self._hub.edges.watched.photos.newest(request.path_params["robot"])
         if photo is None:
             return _json({"error": "there is no picture of it"}, 404)
@@ -253,7 +253,7 @@ class _App:
         """Send a window of the recordings."""
         operator = self._operator(request)
         if operator is None:
-            return self._nobody()
+            return self._unauthorized()
         async with contextlib.AsyncExitStack() as stack:
             try:
                 window = decode_json(await _body(request), Window)
@@ -310,6 +310,6 @@ def _json(told: object, status: int = 200) -> Response:
     return Response(msgspec.json.encode(told), status, media_type="application/json")
 
 
-def _told(operator: Operator) -> dict[str, str]:
+def _operator_fields(operator: Operator) -> dict[str, str]:
     """Return an operator for the page."""
     return {"operator": operator.name, "permission": operator.permission.word}

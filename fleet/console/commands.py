@@ -73,7 +73,7 @@ def _hand_over(
 
 
 async def send(
-    prepared: Prepared, lane: ZenohSession, operator: Operator, clock: Clock
+    prepared: Prepared, bus_session: ZenohSession, operator: Operator, clock: Clock
 ) -> AsyncIterator[Reply]:
     """Send a command to a robot; yield its receipt and outcome, or one timeout without an answer."""
     robot, kind, message = prepared
@@ -87,8 +87,8 @@ async def send(
         return
     loop = asyncio.get_running_loop()
     replies: asyncio.Queue[bytes | None] = asyncio.Queue()
-    lane.ask_later(
-        keys.as_console(keys.command(robot.edge, robot.name), operator.permission.word, lane.identity),
+    bus_session.ask_later(
+        keys.as_console(keys.command(robot.edge, robot.name), operator.permission.word, bus_session.identity),
         payload,
         timeout=END_WITHIN,
         parameters={"kind": kind, "wait": "1"},
@@ -107,17 +107,17 @@ async def send(
         yield Reply(name, ReplyStatus.TIMEOUT, robot.cause or "its process does not answer")
 
 
-def causes(lanes: Iterable[ZenohSession], robots: list[RobotState]) -> dict[str, dict[str, object]]:
+def causes(bus_sessions: Iterable[ZenohSession], robots: list[RobotState]) -> dict[str, dict[str, object]]:
     """Return who set the stop of each robot, when and why, by identity; blocks."""
     names = tuple({robot.name for robot in robots})
-    found = stop_causes(_records(lanes, "*", EventFilter(names, 0.0, MOST)))
+    found = stop_causes(_records(bus_sessions, "*", EventFilter(names, 0.0, MOST)))
     return {id_of(edge, name): _shown(record) for (edge, name), record in found.items()}
 
 
-def history(lanes: Iterable[ZenohSession], robot: str) -> list[dict[str, object]]:
+def history(bus_sessions: Iterable[ZenohSession], robot: str) -> list[dict[str, object]]:
     """Return the recent events of a robot, newest first; blocks."""
     edge, _, name = robot.rpartition("/")
-    found = _records(lanes, edge, EventFilter((name,), 0.0, SHOWN))
+    found = _records(bus_sessions, edge, EventFilter((name,), 0.0, SHOWN))
     return [shown_event(record) for record in reversed(found)]
 
 
@@ -126,11 +126,13 @@ def shown_event(record: Record) -> dict[str, object]:
     return _shown(record) | {"kind": record.kind.value, "text": record.text}
 
 
-def _records(lanes: Iterable[ZenohSession], edge: str, wanted: EventFilter) -> list[Record]:
+def _records(bus_sessions: Iterable[ZenohSession], edge: str, wanted: EventFilter) -> list[Record]:
     """Return the events of edges, without duplicates, oldest first; blocks."""
     found: list[Record] = []
-    for lane in lanes:
-        for key, data in lane.ask(keys.history(edge), msgspec.json.encode(wanted), timeout=HISTORY_WITHIN):
+    for bus_session in bus_sessions:
+        for key, data in bus_session.ask(
+            keys.history(edge), msgspec.json.encode(wanted), timeout=HISTORY_WITHIN
+        ):
             told = key.split("/")[1]
             found += [msgspec.structs.replace(each, edge=told) for each in decode_json(data, list[Record])]
     return newest(found, wanted)

@@ -15,11 +15,11 @@ from fleet.runtime.decoding import decode_json
 ANSWER_WITHIN = 60.0  # s: the edge reads the file and inspects each drop-in file in a separate process
 
 
-def look(edge: str, lanes: Iterable[ZenohSession]) -> dict[str, object]:
+def look(edge: str, bus_sessions: Iterable[ZenohSession]) -> dict[str, object]:
     """Return the configuration of an edge, for a page; raises Refused without an answer. Blocks."""
     asked = msgspec.json.encode(ChangesAsked(text=True))
-    for lane in lanes:
-        for _, data in lane.ask(keys.changes(edge), asked, timeout=ANSWER_WITHIN):
+    for bus_session in bus_sessions:
+        for _, data in bus_session.ask(keys.changes(edge), asked, timeout=ANSWER_WITHIN):
             return _shown(decode_json(data, ChangesAnswer))
     raise Refused(f"edge {edge} does not tell its configuration; it does so on its own computer alone")
 

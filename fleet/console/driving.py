@@ -30,13 +30,13 @@ Told = Callable[[Mapping[str, object]], None]
 
 
 class Driving:
-    """Velocities of one page. ``lane_to`` finds the session to an edge, ``told`` receives each answer."""
+    """Velocities of one page. ``session_to`` finds the session to an edge, ``told`` receives each answer."""
 
     def __init__(
-        self, operator: Operator, lane_to: Callable[[str], ZenohSession | None], clock: Clock, told: Told
+        self, operator: Operator, session_to: Callable[[str], ZenohSession | None], clock: Clock, told: Told
     ) -> None:
         self._operator = operator
-        self._lane_to = lane_to
+        self._session_to = session_to
         self._clock = clock
         self._told = told
         self._robot = ""  # that moves by this page, empty for none
@@ -58,14 +58,14 @@ class Driving:
     def _send(self, asked: DriveAsked) -> None:
         """Send one velocity."""
         edge, _, name = asked.robot.rpartition("/")
-        lane = self._lane_to(edge)
-        if lane is None:
+        bus_session = self._session_to(edge)
+        if bus_session is None:
             self._answered(asked.number, Reply("motion", ReplyStatus.REJECTED, "no edge is reached"))
             return
         velocity = {name: getattr(asked, name) for name in ("linear_x", "linear_y", "linear_z", "angular_z")}
         message = {**velocity, "session_id": self._operator.name, "timestamp": self._clock.time()}
-        lane.ask_later(
-            keys.as_console(keys.command(edge, name), self._operator.permission.word, lane.identity),
+        bus_session.ask_later(
+            keys.as_console(keys.command(edge, name), self._operator.permission.word, bus_session.identity),
             json.dumps(message, allow_nan=False).encode(),
             timeout=ANSWER_WITHIN,
             parameters={"kind": "motion"},

@@ -61,14 +61,14 @@ class EdgeConnections:
             "data": self._take_pose,
         }
 
-    def lanes(self) -> dict[str, ZenohSession]:
+    def bus_sessions(self) -> dict[str, ZenohSession]:
         """Return the joined control sessions, by edge."""
         return {edge: bus.control for edge, bus in self._edges.joined.items()}
 
-    def lane_to(self, edge: str) -> ZenohSession | None:
+    def session_to(self, edge: str) -> ZenohSession | None:
         """Return the session for requests to an edge; another edge's if it is not joined itself."""
-        lanes = self.lanes()
-        return lanes.get(edge) or next(iter(lanes.values()), None)
+        bus_sessions = self.bus_sessions()
+        return bus_sessions.get(edge) or next(iter(bus_sessions.values()), None)
 
     async def run(self) -> None:
         """Join edges that appear and leave those that are gone, until cancelled."""
@@ -98,9 +98,9 @@ class EdgeConnections:
     def ask_description(self, robot: str) -> None:
         """Query a robot's vocabulary; the answer is handled like a publication."""
         edge, _, name = robot.rpartition("/")
-        lane, key = self.lane_to(edge), keys.description(edge, name)
-        if lane is not None and robot in self._view.states:
-            lane.ask_later(
+        bus_session, key = self.session_to(edge), keys.description(edge, name)
+        if bus_session is not None and robot in self._view.states:
+            bus_session.ask_later(
                 key,
                 b"",
                 timeout=ANSWER_WITHIN,
@@ -111,10 +111,10 @@ class EdgeConnections:
     def ask_schedules(self) -> None:
         """Query the schedules of each edge; the answers are handled like publications."""
         payload = msgspec.json.encode(ScheduleAsked())
-        for edge, lane in self.lanes().items():
+        for edge, bus_session in self.bus_sessions().items():
             key = keys.schedules(edge)
-            lane.ask_later(
-                keys.as_console(key, Permission.VIEW.word, lane.identity),
+            bus_session.ask_later(
+                keys.as_console(key, Permission.VIEW.word, bus_session.identity),
                 payload,
                 timeout=ANSWER_WITHIN,
                 on_answer=partial(self._arrived, key),

@@ -44,16 +44,16 @@ ROUNDED = 3  # decimals of metres and radians: below the resolution of a map
 class Goals(msgspec.Struct, frozen=True):
     """Goals of robots, published by a process of an edge (``fleet/{edge}/places/{process}``)."""
 
-    robots: tuple[GoalOf, ...] = ()
+    robots: tuple[GoalEntry, ...] = ()
 
 
-class GoalOf(msgspec.Struct, frozen=True):
+class GoalEntry(msgspec.Struct, frozen=True):
     """One robot of the message."""
 
-    robot: Occupied
+    robot: RobotPath
 
 
-class Occupied(msgspec.Struct, frozen=True):
+class RobotPath(msgspec.Struct, frozen=True):
     """Its name, and the points of its path in the site's frame, m."""
 
     name: str

@@ -44,7 +44,7 @@ class Hub:
         self.exports = Exports(task.recordings_now)
         self.foxglove = Feed(self.edges.joined, clock)
         self.tabs: set[Tab] = set()
-        self._stops = Stops(self.view, self.edges.lanes, _directories(directory), clock)
+        self._stops = Stops(self.view, self.edges.bus_sessions, _directories(directory), clock)
         self._tick = asyncio.Event()
         self._count = 0
         self._news: dict[int, tuple[bytes, int]] = {}  # for this tick, by the version from which they start
@@ -54,14 +54,14 @@ class Hub:
         connecting = asyncio.create_task(self.edges.run(), name="edges")
         try:
             while True:
-                self.turn()
+                self.update()
                 await asyncio.sleep(TICK)
         finally:
             connecting.cancel()
             await asyncio.gather(connecting, return_exceptions=True)
             self._stops.close()
 
-    def turn(self) -> None:
+    def update(self) -> None:
         """Update the view, and wake the pages."""
         self._count += 1
         self.edges.take()

@@ -42,18 +42,21 @@ class Lookups:
 
     async def _causes(self, asked: CausesAsked) -> dict[str, object]:
         """Return the causes of stops."""
-        robots, lanes = self._hub.view.named(asked.robots), list(self._hub.edges.lanes().values())
-        return {"causes": await asyncio.to_thread(commands.causes, lanes, robots)}
+        robots, bus_sessions = (
+            self._hub.view.named(asked.robots),
+            list(self._hub.edges.bus_sessions().values()),
+        )
+        return {"causes": await asyncio.to_thread(commands.causes, bus_sessions, robots)}
 
     async def _history(self, asked: HistoryAsked) -> dict[str, object]:
         """Return the history of a robot."""
-        lanes = list(self._hub.edges.lanes().values())
-        return {"history": await asyncio.to_thread(commands.history, lanes, asked.robot)}
+        bus_sessions = list(self._hub.edges.bus_sessions().values())
+        return {"history": await asyncio.to_thread(commands.history, bus_sessions, asked.robot)}
 
     async def _config(self, asked: ConfigAsked) -> dict[str, object]:
         """Return the configuration of an edge."""
-        lanes = list(self._hub.edges.lanes().values())
-        return {"config": await asyncio.to_thread(configuration.look, asked.edge, lanes)}
+        bus_sessions = list(self._hub.edges.bus_sessions().values())
+        return {"config": await asyncio.to_thread(configuration.look, asked.edge, bus_sessions)}
 
     async def _extent(self, _asked: ExtentAsked) -> dict[str, object]:
         """Return the time range of the recordings."""

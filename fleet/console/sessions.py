@@ -41,15 +41,15 @@ class Opened(msgspec.Struct, frozen=True):
     proof: str
 
 
-class Lives(msgspec.Struct, frozen=True):
+class SessionLifetimes(msgspec.Struct, frozen=True):
     """Lifetimes of sessions: ``idle`` seconds without a request or an open page, at most ``longest``."""
 
     idle: float
     longest: float
 
 
-BY_LINK = Lives(SESSION_LIFE, math.inf)
-BY_LOGIN = Lives(3600.0, 12 * 3600.0)
+BY_LINK = SessionLifetimes(SESSION_LIFE, math.inf)
+BY_LOGIN = SessionLifetimes(3600.0, 12 * 3600.0)
 
 
 def _always() -> bool:
@@ -76,9 +76,9 @@ class Sessions:
     the page also sends a proof from its own storage, which is separate for each port.
     """
 
-    def __init__(self, clock: Clock, lives: Lives = BY_LINK, prefix: str = "") -> None:
+    def __init__(self, clock: Clock, lifetimes: SessionLifetimes = BY_LINK, prefix: str = "") -> None:
         self._clock = clock
-        self._lives = lives
+        self._lifetimes = lifetimes
         self._links: dict[bytes, _Link] = {}
         self._sessions: dict[bytes, Session] = {}
         self.instance = secrets.token_hex(8)
@@ -111,9 +111,9 @@ class Sessions:
         while len(self._sessions) >= MOST_SESSIONS:
             self._sessions.pop(min(self._sessions, key=lambda key: self._sessions[key].until))
         opened = Opened(secrets.token_urlsafe(_BYTES), secrets.token_urlsafe(_BYTES))
-        key, ends = _digest(opened.cookie), now + self._lives.longest
+        key, ends = _digest(opened.cookie), now + self._lifetimes.longest
         self._sessions[key] = Session(
-            operator, key, _digest(opened.proof), now + self._lives.idle, ends, holds
+            operator, key, _digest(opened.proof), now + self._lifetimes.idle, ends, holds
         )
         return opened
 
@@ -138,7 +138,7 @@ class Sessions:
         if not self._lasts(session, now):
             self.end(session)
             return False
-        session.until = now + self._lives.idle
+        session.until = now + self._lifetimes.idle
         return True
 
     def end(self, session: Session) -> None:

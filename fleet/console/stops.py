@@ -35,7 +35,7 @@ THREADS = 64  # stops that may wait for answers at once; reserved for stops
 NO_ANSWER = "no confirmation that its stop is set"
 NOT_SEEN = f"not seen to stand within {SEEN_WITHIN:g} s"
 
-Lanes = Callable[[], Mapping[str, ZenohSession]]
+BusSessions = Callable[[], Mapping[str, ZenohSession]]
 """The joined control sessions, by edge."""
 
 
@@ -118,10 +118,10 @@ class Stops:
     """Sends stops and follows them; ``directories`` are those with the supervisors' sockets."""
 
     def __init__(
-        self, view: FleetView, lanes: Lanes, directories: Callable[[], list[Path]], clock: Clock
+        self, view: FleetView, bus_sessions: BusSessions, directories: Callable[[], list[Path]], clock: Clock
     ) -> None:
         self._view = view
-        self._lanes = lanes
+        self._bus_sessions = bus_sessions
         self._directories = directories
         self._clock = clock
         self._threads = ThreadPoolExecutor(THREADS, thread_name_prefix="stop")
@@ -145,9 +145,9 @@ class Stops:
         self._view.take_stop(request, record.shown())
         parameters = parameters_of(by, why, request)
         asked = [
-            self._ask_edge(record, lane, edge, names, parameters)
+            self._ask_edge(record, bus_session, edge, names, parameters)
             for edge, names in target.names_by_edge().items()
-            for lane in self._lanes_to(edge)
+            for bus_session in self._sessions_to(edge)
         ]
         supervised = self._ask_supervisors(record, target, why, request)
         await asyncio.gather(*asked, supervised)
@@ -157,15 +157,15 @@ class Stops:
         task.add_done_callback(self._tasks.discard)
         return {"request": request, **record.shown()}
 
-    def _lanes_to(self, edge: str) -> list[ZenohSession]:
+    def _sessions_to(self, edge: str) -> list[ZenohSession]:
         """Return the sessions that reach an edge; all of them if it is not joined itself."""
-        lanes = self._lanes()
-        return [lanes[edge]] if edge in lanes else list(lanes.values())
+        bus_sessions = self._bus_sessions()
+        return [bus_sessions[edge]] if edge in bus_sessions else list(bus_sessions.values())
 
     async def _ask_edge(
         self,
         record: StopRecord,
-        lane: ZenohSession,
+        bus_session: ZenohSession,
         edge: str,
         names: list[str],
         parameters: Mapping[str, str],
@@ -178,7 +178,7 @@ class Stops:
                 record.acknowledge(id_of(key.split("/")[1], name), self._clock.monotonic(), "bus")
 
         def ask() -> None:
-            for key, data in lane.ask(
+            for key, data in bus_session.ask(
                 keys.stop(edge), payload, timeout=ANSWER_WITHIN, parameters=parameters, urgent=True
             ):
                 stopped = decode_json(data, list[str])
@@ -235,8 +235,8 @@ class Stops:
         edge, _, name = robot.rpartition("/")
 
         def ask() -> RobotState | None:
-            for lane in self._lanes_to(edge)[:1]:
-                for _, data in lane.ask(keys.state(edge, name), b"", timeout=ANSWER_WITHIN):
+            for bus_session in self._sessions_to(edge)[:1]:
+                for _, data in bus_session.ask(keys.state(edge, name), b"", timeout=ANSWER_WITHIN):
                     return decode_json(data, RobotState)
             return None
 

@@ -63,7 +63,7 @@ class Tab:
         self._open: set[asyncio.Task[None]] = set()
         self._sending = asyncio.Lock()
         self._lookups = Lookups(hub)
-        self._driving = Driving(operator, hub.edges.lane_to, hub.clock, self._drove)
+        self._driving = Driving(operator, hub.edges.session_to, hub.clock, self._drove)
         self._calls: Mapping[type[object], Call] = {
             StopAsked: self._stop,
             ReleaseAsked: self._command,
@@ -181,10 +181,10 @@ class Tab:
         """Send a command to one robot."""
         robot = prepared[0]
         name = f"{robot.edge}/{robot.name}"
-        lane = self._hub.edges.lane_to(robot.edge)
-        if lane is None:
+        bus_session = self._hub.edges.session_to(robot.edge)
+        if bus_session is None:
             raise Refused(f"{name} cannot be asked: no edge is reached")
-        async for reply in commands.send(prepared, lane, self._operator, self._hub.clock):
+        async for reply in commands.send(prepared, bus_session, self._operator, self._hub.clock):
             await self._tell(request, name, _shown(reply))
 
     async def _look(self, asked: Request) -> None:
@@ -194,22 +194,22 @@ class Tab:
 
     async def _mission(self, asked: MissionAsked) -> None:
         """Start a mission."""
-        lanes = list(self._hub.edges.lanes().values())
-        start = asyncio.to_thread(missions.start, asked, lanes, self._operator, self._hub.clock)
+        bus_sessions = list(self._hub.edges.bus_sessions().values())
+        start = asyncio.to_thread(missions.start, asked, bus_sessions, self._operator, self._hub.clock)
         await self._tell(asked.request, "", await start)
 
     async def _rehearse(self, asked: RehearseAsked) -> None:
         """Rehearse a mission; closing the page ends it."""
-        lanes = list(self._hub.edges.lanes().values())
-        async for state in missions.rehearse(asked, lanes, self._operator):
+        bus_sessions = list(self._hub.edges.bus_sessions().values())
+        async for state in missions.rehearse(asked, bus_sessions, self._operator):
             done = {} if state.result is None else {"done": True}
             told = {"status": "accepted", "rehearsal": msgspec.to_builtins(state), **done}
             await self._tell(asked.request, "", told)
 
     async def _run(self, asked: RunAsked) -> None:
         """Control a run."""
-        lanes = list(self._hub.edges.lanes().values())
-        control = asyncio.to_thread(missions.control, asked, lanes, self._operator)
+        bus_sessions = list(self._hub.edges.bus_sessions().values())
+        control = asyncio.to_thread(missions.control, asked, bus_sessions, self._operator)
         await self._tell(asked.request, "", await control)
 
     async def _control(self, asked: ControlAsked) -> None:
@@ -228,8 +228,8 @@ class Tab:
 
     async def _schedule(self, asked: ScheduleChange) -> None:
         """Change a schedule."""
-        lanes = list(self._hub.edges.lanes().values())
-        found = await asyncio.to_thread(schedules.change, asked, lanes, self._operator)
+        bus_sessions = list(self._hub.edges.bus_sessions().values())
+        found = await asyncio.to_thread(schedules.change, asked, bus_sessions, self._operator)
         self._hub.view.take_schedules(asked.edge, found)
         await self._tell(asked.request, "", {"status": "accepted", "done": True})
 

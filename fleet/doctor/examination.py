@@ -202,6 +202,6 @@ def _edges(subject: Subject | None) -> list[Finding]:
         who = "no edge runs here" if file is None else f"the edge of {file} does not run"
         return [unknown(software.EDGES, f"{who}, so others cannot be asked through it", "fleet run")]
     middle, doubt = (before + after) / 2, (after - before) / 2
-    seen = [software.SeenEdge(state, state.stamp - middle, doubt) for state in states]
+    seen = [software.AnsweredEdge(state, state.stamp - middle, doubt) for state in states]
     files = pair.check_files(subject.config.pair or (), states) if subject is not None else []
     return [*software.check_edges(seen, problems, __version__), *files]

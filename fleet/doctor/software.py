@@ -66,7 +66,7 @@ def _check_database(file: Path, newest: int) -> Finding:
     return ok(STATE, f"{file.name}: format {found}, {table} tables and indexes")
 
 
-class SeenEdge(msgspec.Struct, frozen=True):
+class AnsweredEdge(msgspec.Struct, frozen=True):
     """An edge that answered: its clock minus ours, and the uncertainty of that (s)."""
 
     state: EdgeState
@@ -74,7 +74,7 @@ class SeenEdge(msgspec.Struct, frozen=True):
     doubt: float
 
 
-def check_edges(seen: Iterable[SeenEdge], problems: Iterable[str], version: str) -> list[Finding]:
+def check_edges(seen: Iterable[AnsweredEdge], problems: Iterable[str], version: str) -> list[Finding]:
     """Check the reachable edges: they answer, their clocks agree, their versions are ours."""
     findings = [error(EDGES, text, "fleet logs and fleet service status there") for text in problems]
     for edge in seen:

@@ -10,7 +10,7 @@ from fleet.model.command import Reply
 
 ANSWERED_WITHIN = 8.0  # s; a robot answers a pause when it holds
 
-Told = Callable[[str], None]
+RefusalCallback = Callable[[str], None]
 """Receives the reason of a refusal, or an empty text."""
 
 
@@ -22,7 +22,7 @@ class _Request:
         self.open = {hold.part.identity: hold for hold in holds}
         self.until = until
         self.refusals: list[str] = []
-        self.told: list[Told] = []
+        self.told: list[RefusalCallback] = []
 
 
 class Holding:
@@ -39,7 +39,7 @@ class Holding:
         self.made += 1
         self._requests.append(_Request(holds, self._clock.monotonic() + ANSWERED_WITHIN))
 
-    def hear(self, made: int, told: Told) -> None:
+    def hear(self, made: int, told: RefusalCallback) -> None:
         """Report the outcome of the newest request, or at once if there is none after the first ``made``."""
         if self.made == made or not self._requests:
             told("")
@@ -58,7 +58,7 @@ class Holding:
                 self._close(request)
                 return
 
-    def turn(self) -> None:
+    def expire(self) -> None:
         """Give up on robots that have not answered in time."""
         now = self._clock.monotonic()
         for request in [each for each in self._requests if now >= each.until]:

@@ -134,7 +134,7 @@ def state_of(engine: Engine, about: About, edge: str, seconds: float, problem: s
         if question
         else None,
         tuple(
-            _robot(member, doing.get(member.robot, ""), engine.robots.lanes[member.robot])
+            _robot(member, doing.get(member.robot, ""), engine.robots.shown_parts[member.robot])
             for member in engine.robots.members.values()
         ),
         problem,

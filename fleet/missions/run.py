@@ -65,7 +65,7 @@ class Robot(Protocol):
         """Decode a message; the result starts its execution."""
 
 
-class Surroundings(Protocol):
+class RunServices(Protocol):
     """Resources shared by all runs of an edge."""
 
     clock: Clock
@@ -102,7 +102,7 @@ class Run:
         self,
         about: About,
         engine: Engine,
-        around: Surroundings,
+        services: RunServices,
         *,
         elapsed: float = 0.0,
         stamp: float | None = None,
@@ -110,16 +110,16 @@ class Run:
         self.about = about
         self._stamp = stamp
         self.engine = engine
-        self._around = around
+        self._services = services
         self._elapsed = elapsed
-        self._since = around.clock.monotonic()
+        self._since = services.clock.monotonic()
         self._session = session_of(about.run)
         self._head = b""
         self._sent: set[str] = set()
-        self._membership = Membership(about.run, around.clock)
-        self.holding = Holding(self.take, around.clock)
+        self._membership = Membership(about.run, services.clock)
+        self.holding = Holding(self.take, services.clock)
         self.together = TogetherStep(
-            around.together,
+            services.together,
             Transport(about.way),
             payload=self._payload,
             take=self.take,
@@ -134,7 +134,7 @@ class Run:
     @property
     def now(self) -> float:
         """Seconds of the run's clock."""
-        return self._elapsed + self._around.clock.monotonic() - self._since
+        return self._elapsed + self._services.clock.monotonic() - self._since
 
     def take(self, event: Event, *, new: bool = False) -> None:
         """Handle an event: record its changes, then execute its effects."""
@@ -147,39 +147,39 @@ class Run:
         if not (new or touched or effects or head != self._head):
             return
         self._head = head
-        around = self._around
+        services = self._services
         notes = [effect for effect in effects if isinstance(effect, Note)]
         change = Change(
             self.id,
             self.engine.head,
             [*self.engine.robots.members.values(), *touched] if new else touched,
             notes,
-            around.clock.time(),
+            services.clock.time(),
             self.now,
             self.about if new else None,
             self.engine.program if new else None,
         )
         follow = partial(self._recorded, effects, new)
-        around.store.save(change, lambda kept: around.soon(partial(follow, kept)))
-        around.changed(self)
+        services.store.save(change, lambda kept: services.soon(partial(follow, kept)))
+        services.changed(self)
 
-    def turn(self) -> None:
+    def poll(self) -> None:
         """Poll the robots, and let time pass."""
         for member in self.engine.robots.ours():
             self._look(member.robot)
         self.see([member.robot for member in self.engine.robots.spares("all")])
-        self.holding.turn()
+        self.holding.expire()
         self.take(Tick())
 
     def see(self, robots: Iterable[str]) -> None:
         """Pass the facts of robots to the engine; robots that were removed from fleet.yaml are skipped."""
         for robot in robots:
-            if robot in self._around.robots:
-                self.take(facts_of(self._around.robots[robot].state()))
+            if robot in self._services.robots:
+                self.take(facts_of(self._services.robots[robot].state()))
 
     def _look(self, robot: str) -> None:
         """Pass the facts of a robot to the engine, and whether it has left the run."""
-        state = self._around.robots[robot].state()
+        state = self._services.robots[robot].state()
         self.take(facts_of(state))
         left = self._membership.why_left(state)
         if left is not None:
@@ -192,7 +192,7 @@ class Run:
         if kept or not new:
             self._carry_out(effects)
             return
-        self.engine.ending.close(RunOutcome.FAILED, f"it was not begun: {self._around.store.problem}")
+        self.engine.ending.close(RunOutcome.FAILED, f"it was not begun: {self._services.store.problem}")
         self.take(Tick())  # reports the end and releases the robots
 
     def _carry_out(self, effects: list[Effect]) -> None:
@@ -228,17 +228,17 @@ class Run:
                 message = {"command": "resume" if resumes else "pause"}
                 self._ask(part.robot, "navigate", message, "", partial(self.holding.answered, effect))
             case EmergencyStop(robots, reason):
-                self._around.stop(robots, f"run {self.id}: {reason}")
+                self._services.stop(robots, f"run {self.id}: {reason}")
             case Enlist(robot):
                 self._enlist(robot)
             case Dismiss(robot):
                 self.leave(robot)
             case Occupy():
-                self._around.occupy(self)
+                self._services.occupy(self)
             case Ended():
                 self.holding.end()
                 self._give_back()
-                self._around.give_back(self)
+                self._services.give_back(self)
             case _:
                 pass
 
@@ -248,13 +248,13 @@ class Run:
         if (identity in self._sent or part is None or not part.inflight) and not prepares:
             return
         self._sent.add(identity)
-        state = self._around.robots[robot].state()
+        state = self._services.robots[robot].state()
         left = self._membership.why_left(state)
         if left is not None:
             self.take(Left(robot, *left))
             return
         try:
-            kind, message = message_of(act, identity, state, self._around.site)
+            kind, message = message_of(act, identity, state, self._services.site)
         except Refused as error:
             refusal = Replied(identity, Outcome.REFUSED, error.reason)
             self.take(Prepared(robot, error.reason) if prepares else refusal)
@@ -280,13 +280,13 @@ class Run:
     ) -> None:
         """Send a robot a message over the transport by which the run was started."""
         way = Transport(self.about.way)
-        asked = self._around.robots[robot].read(kind, payload, way=way, request_id=identity, waits=True)
+        asked = self._services.robots[robot].read(kind, payload, way=way, request_id=identity, waits=True)
         if asked is not None:
             asked(answer)
 
     def _payload(self, message: dict[str, Any]) -> bytes:
         """Encode a message sent now."""
-        now = self._around.clock.time()
+        now = self._services.clock.time()
         return payload_of(message, session=self._session, source_type=self.about.source_type, now=now)
 
     def _replied(self, identity: str, reply: Reply) -> None:
@@ -320,7 +320,7 @@ class Run:
 
     def _enlist(self, robot: str) -> None:
         """Request a spare; one that was removed from fleet.yaml is not asked."""
-        if robot not in self._around.robots:
+        if robot not in self._services.robots:
             self.take(Enlisted(robot, "fleet.yaml has it no more"))
             return
 
@@ -336,7 +336,7 @@ class Run:
     def _give_back(self) -> None:
         """Release all robots except unused spares."""
         for member in self.engine.robots.members.values():
-            if member.robot in self._around.robots and not member.spare:
+            if member.robot in self._services.robots and not member.spare:
                 self.leave(member.robot)
 
     def leave(self, robot: str) -> None:

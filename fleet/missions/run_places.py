@@ -60,7 +60,7 @@ class RunPlaces:
         self._missions.pop(run.id, None)
         self._tell_who_waits()
 
-    def turn(self) -> None:
+    def expire(self) -> None:
         """End the waits that are past their limit; called periodically."""
         settled = self._occupancy.look(now=self._clock.monotonic())
         if settled:

@@ -15,7 +15,7 @@ import msgspec
 from fleet.missions.program import Act
 from fleet.missions.state import Begin, BeginTogether, Effect, Kind, Member, Note, Outcome, Part
 
-LANE = 6  # newest parts of a robot that users see
+SHOWN_PARTS = 6  # newest parts of a robot that users see
 HALT_WITHIN = 15.0  # s until a halted robot must be seen standing
 HALT = Act("command", "stop", timeout=HALT_WITHIN)
 """Ends motion; the robot holds its position."""
@@ -52,8 +52,10 @@ class RunRobots:
         self._active = {part.identity: part for part in self.parts.values() if part.inflight}
         in_order = sorted(self.parts.values(), key=lambda part: part.began)
         self._last = {part.robot: part for part in in_order if part.kind != "halt"}
-        self.lanes = {
-            robot: deque((part for part in in_order if part.robot == robot and part.kind != "halt"), LANE)
+        self.shown_parts = {
+            robot: deque(
+                (part for part in in_order if part.robot == robot and part.kind != "halt"), SHOWN_PARTS
+            )
             for robot in self.members
         }
         self.effects: list[Effect] = []
@@ -140,7 +142,7 @@ class RunRobots:
         self.parts[identity] = self._active[identity] = part
         if kind != "halt":
             self._last[robot] = part
-            self.lanes[robot].append(part)
+            self.shown_parts[robot].append(part)
         self.touched[identity] = part
         self.effects.append(Begin(part))
         if kind != "halt":

@@ -21,7 +21,7 @@ from fleet.config.missions import Mission
 from fleet.errors import Refused
 from fleet.missions.engine import PAUSABLE, Engine
 from fleet.missions.filling import Filling, members_of, needs_of
-from fleet.missions.holding import Told
+from fleet.missions.holding import RefusalCallback
 from fleet.missions.other_edges import Elsewhere, not_kept_apart, require_reach
 from fleet.missions.points import SiteMap
 from fleet.missions.program import Act, Do, Program
@@ -256,19 +256,19 @@ class Runs:
 
     # -- progress and control --------------------------------------------------------------------------
 
-    def turn(self) -> None:
+    def poll(self) -> None:
         """Poll all runs; called periodically on the loop."""
         for run in list(self._pending):
             self._look_at(run)
-        self.places.turn()
+        self.places.expire()
         for each in list(self._runs.values()):
             try:
-                each.turn()
+                each.poll()
             except Exception as error:
                 log.exception("run %s cannot go on", each.id)
                 each.give_up(f"{type(error).__name__}: {error}")
 
-    def control(self, run: str, ask: ControlAsk, told: Told = lambda _refusal: None) -> None:
+    def control(self, run: str, ask: ControlAsk, told: RefusalCallback = lambda _refusal: None) -> None:
         """Pause, resume or abort a run, or answer its question.
 
         ``told`` receives the reason of a refusal, or an empty text; for a pause or a resumption, after its

@@ -69,7 +69,7 @@ class About(msgspec.Struct, frozen=True, omit_defaults=True):
     workflow: str = ""
 
 
-class Told(msgspec.Struct, frozen=True, omit_defaults=True):
+class RunLogEntry(msgspec.Struct, frozen=True, omit_defaults=True):
     """One line of a run's log; ``stamp`` is Unix seconds."""
 
     stamp: float
@@ -183,7 +183,7 @@ class Store:
         except RuntimeError:  # the store is closed
             told(None)
 
-    def story(self, run: str, told: Callable[[list[Told]], None]) -> None:
+    def story(self, run: str, told: Callable[[list[RunLogEntry]], None]) -> None:
         """Pass the log of a run, oldest line first, to ``told``, on the store's thread."""
         self._thread.submit(lambda: told(self._story(run)))
 
@@ -282,14 +282,14 @@ class Store:
             for run, about, head in rows
         ]
 
-    def _story(self, run: str) -> list[Told]:
+    def _story(self, run: str) -> list[RunLogEntry]:
         """Read the log of a run."""
         if self._database is None:
             return []
         rows = self._database.execute(
             "SELECT stamp, text, step, robot FROM note WHERE run = ? ORDER BY id", (run,)
         )
-        return [Told(*row) for row in rows]
+        return [RunLogEntry(*row) for row in rows]
 
     def _fail(self, error: Exception) -> None:
         """Record and log that runs are not stored."""

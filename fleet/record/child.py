@@ -30,13 +30,13 @@ class RecorderChild:
     def __init__(self, task: RecordTask, clock: Clock) -> None:
         told = msgspec.json.encode(msgspec.structs.replace(task, parent=os.getpid()))
         self._program = SideProgram("recorder", "fleet.record.program", told, clock, self._hear, heard=True)
-        self._told = ""
+        self._reported = ""
         self.recording = asyncio.Event()
 
     @property
     def problem(self) -> str:
         """Its error, in its own words if it reported one; empty while it records."""
-        return self._program.problem and (self._told or self._program.problem)
+        return self._program.problem and (self._reported or self._program.problem)
 
     @property
     def process(self) -> int:
@@ -54,11 +54,11 @@ class RecorderChild:
     async def _hear(self, process: asyncio.subprocess.Process) -> None:
         """Receive the errors that the process reports."""
         assert process.stdout is not None
-        self._told = ""
+        self._reported = ""
         async for line in process.stdout:
             try:
-                self._told = self._program.problem = decode_json(line, str)
+                self._reported = self._program.problem = decode_json(line, str)
             except msgspec.DecodeError:
                 log.warning("the recorder's report cannot be read")
-            if not self._told:
+            if not self._reported:
                 self.recording.set()

@@ -16,7 +16,7 @@ import msgspec
 from fleet.errors import StateError
 from fleet.record.export import copy, window
 from fleet.record.export_task import ExportTask
-from fleet.record.priority import give_way
+from fleet.record.priority import lower_priority
 from fleet.runtime.decoding import decode_json
 
 
@@ -40,24 +40,24 @@ class _Pipe:
 
 def main() -> int:
     """Read the task and export."""
-    give_way()
+    lower_priority()
     task = decode_json(sys.stdin.buffer.read(), ExportTask)
     output = sys.stdout.buffer
     try:
         messages = window([Path(each) for each in task.folders], task.since, task.until)
         first = next(messages, None)
     except (StateError, OSError) as error:
-        return _told(output, f"the recordings cannot be read: {error}")
+        return _write_problem(output, f"the recordings cannot be read: {error}")
     if first is None:
-        return _told(output, "nothing is recorded of that time")
-    _told(output, "")
+        return _write_problem(output, "nothing is recorded of that time")
+    _write_problem(output, "")
     pipe: Any = _Pipe(output)
     copy(itertools.chain([first], messages), pipe)
     output.flush()
     return 0
 
 
-def _told(output: IO[bytes], problem: str) -> int:
+def _write_problem(output: IO[bytes], problem: str) -> int:
     """Write the error, and return the exit code."""
     output.write(msgspec.json.encode(problem) + b"\n")
     output.flush()

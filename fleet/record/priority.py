@@ -15,7 +15,7 @@ AUTOGROUP = Path("/proc/self/autogroup")
 """Priority of a session on a kernel with autogroup scheduling, in which niceness applies within a session."""
 
 
-def give_way() -> None:
+def lower_priority() -> None:
     """Lower the priority of this process, and of the session if it leads one, permanently.
 
     Call it before any thread is started: each thread has its own niceness. A session led by another process

@@ -17,7 +17,7 @@ from fleet.clock import SystemClock
 from fleet.errors import FleetError
 from fleet.host.logs.setup import LogSettings, start_logging
 from fleet.host.process.side_program import until_ended
-from fleet.record.priority import give_way
+from fleet.record.priority import lower_priority
 from fleet.record.recording import record
 from fleet.record.task import RecordTask
 from fleet.runtime.decoding import decode_json
@@ -34,7 +34,7 @@ def _tell(problem: str) -> None:
 
 def main() -> int:
     """Read the task and record."""
-    give_way()
+    lower_priority()
     wanted = LogSettings.of_a_worker("recorder")
     start_logging(msgspec.structs.replace(wanted, level=logging.WARNING))
 

@@ -33,7 +33,7 @@ EVERY = 0.4
 """Seconds between writes to disk: the most that a killed recorder loses, plus the time of one write."""
 HISTORY_EVERY = 1.0  # s between queries of the history; the edge reads each answer from its disk
 ANSWER_WITHIN = 2.0  # s for states and history
-LASTING_EVERY = 5.0
+PERSISTENT_EVERY = 5.0
 """Seconds between queries of fences, bodies and schedules, of which only changes are recorded."""
 OVERLAP = 2.0  # s of overlap between queries: workers write their events later than the edge
 
@@ -51,7 +51,7 @@ async def record(
     Raises StateError if the folder cannot be used.
     """
     recorder = Recorder(Ring(Path(task.folder), task.bounds), clock)
-    joined = _Joined(recorder, clock)
+    joined = _EdgeSubscriptions(recorder, clock)
     edges = EdgeBuses(task.edges, directory, clock, only=task.only, opened=joined.opened, told=joined.told)
     joining = asyncio.create_task(edges.run(), name="edges")
     known: str | None = None
@@ -73,7 +73,7 @@ async def record(
     return recorder.recorded
 
 
-class _Joined:
+class _EdgeSubscriptions:
     """Subscriptions and queries on the joined buses."""
 
     def __init__(self, recorder: Recorder, clock: Clock) -> None:
@@ -103,7 +103,7 @@ class _Joined:
         """Query the newest events of an edge, and periodically the values that rarely change."""
         self._history.ask(edge, control)
         now = self._clock.monotonic()
-        if now - self._asked.get(edge, float("-inf")) < LASTING_EVERY:
+        if now - self._asked.get(edge, float("-inf")) < PERSISTENT_EVERY:
             return
         self._asked[edge] = now
         schedules = keys.as_console(keys.schedules(edge), Permission.VIEW.word, control.identity)

@@ -31,10 +31,10 @@ class SampleReader:
 
     def __init__(self) -> None:
         self._robots: dict[str, tuple[str, str]] = {}
-        self._told_frames: dict[str, tuple[int, int]] = {}  # last number and dropped of each process
+        self._last_frames: dict[str, tuple[int, int]] = {}  # last number and dropped of each process
         self._lost = 0
         self._runs: dict[tuple[str, str], Message] = {}
-        self._lasting: dict[str, Message] = {}  # by topic
+        self._persistent: dict[str, Message] = {}  # by topic
 
     def read(self, edge: str, key: str, payload: bytes) -> list[Message]:
         """Return the messages to record for a sample from the bus of an edge.
@@ -59,7 +59,7 @@ class SampleReader:
     @property
     def standing(self) -> list[Message]:
         """The persistent values: runs in progress, fences and bodies of robots, schedules."""
-        return [*self._lasting.values(), *self._runs.values()]
+        return [*self._persistent.values(), *self._runs.values()]
 
     def take_lost(self) -> int:
         """Return the number of lost frames, or messages with frames, since the last call."""
@@ -70,7 +70,7 @@ class SampleReader:
         """Return the messages for an edge's own publications; raises for unreadable ones."""
         kind = inner[0] if inner else ""
         if kind == "schedules" or (kind == "robots" and inner[-1] == "description"):
-            return self._changed(_lasting_message(topic, kind, payload))
+            return self._changed(_persistent_message(topic, kind, payload))
         if kind == "robots" and inner[-1] == "state":
             return self._state(decode_json(payload, RobotState))
         if kind == "health":
@@ -96,17 +96,17 @@ class SampleReader:
 
     def _changed(self, message: Message) -> list[Message]:
         """Return and store a message that differs from its topic's last one; else nothing."""
-        if self._lasting.get(message.topic) == message:
+        if self._persistent.get(message.topic) == message:
             return []
-        self._lasting[message.topic] = message
+        self._persistent[message.topic] = message
         return [message]
 
     def _of_links(self, topic: str, told: LinkFrames, payload: bytes) -> list[Message]:
         """Return the frames of a link, and count the missing ones."""
-        number, dropped = self._told_frames.get(topic, (told.number - 1, 0))
+        number, dropped = self._last_frames.get(topic, (told.number - 1, 0))
         if told.number > number:  # else its process has restarted
             self._lost += told.number - number - 1 + max(0, told.dropped - dropped)
-        self._told_frames[topic] = told.number, told.dropped
+        self._last_frames[topic] = told.number, told.dropped
         edge = topic.split("/")[1]
         return [Message(f"/{edge}/{told.robot}/frames", "fleet.LinkFrames", payload, told.stamp)]
 
@@ -121,7 +121,7 @@ class SampleReader:
         return told
 
 
-def _lasting_message(topic: str, kind: str, payload: bytes) -> Message:
+def _persistent_message(topic: str, kind: str, payload: bytes) -> Message:
     """Return the schedules of an edge, or the parts of a description for drawings; raises DecodeError.
 
     The present refusals of commands are not recorded.

@@ -23,7 +23,7 @@ Point = tuple[float, float, float, float]
 """Simulated seconds of the run, and metres."""
 
 
-class NotedChanges(Store):
+class MemoryStore(Store):
     """A store of runs that keeps parts and notes in memory.
 
     ``told`` receives each note. In simulated time nothing may wait for another thread, so a write takes a

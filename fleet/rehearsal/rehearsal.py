@@ -27,7 +27,7 @@ from fleet.missions.state import Facts, Outcome, Phase, RunOutcome, instruction_
 from fleet.model.command import Origin, Transport
 from fleet.model.state import RobotState
 from fleet.rehearsal.common_start import SimulatedStart
-from fleet.rehearsal.recording import MOVES, Distances, NotedChanges, Tracks
+from fleet.rehearsal.recording import MOVES, Distances, MemoryStore, Tracks
 from fleet.rehearsal.simulated_robots import SimulatedRobots, players_of
 from fleet.runtime.simulated_time import JumpingLoop, LoopClock
 
@@ -53,10 +53,10 @@ class Rehearsal:
         self._task = task
         self._tell = tell
         self._within = within
-        self._began = self._told = time.monotonic()
+        self._began = self._told_at = time.monotonic()
         self._clock: Clock = LoopClock(asyncio.get_running_loop())
         self._robots = SimulatedRobots(players_of(task), task.site, self._clock, self._heard)
-        self._store = NotedChanges(lambda note: tell(RehearsalLine(note.at, note.step, note)))
+        self._store = MemoryStore(lambda note: tell(RehearsalLine(note.at, note.step, note)))
         self._policies = {name: player.policy for name, player in self._robots.players.items()}
         self._members: dict[str, str] = {}
         for role, names in task.roles.items():
@@ -91,7 +91,7 @@ class Rehearsal:
             await self._ready()
             before = {name: self._state(name).battery for name in self._members}
             self._start()
-            run = await self._begun()
+            run = await self._joined_run()
             distances = Distances(self._members)
             tracks = Tracks(self._members)
             late = await self._follow(run, distances, tracks)
@@ -161,11 +161,11 @@ class Rehearsal:
 
         self._runs.start(mission, without_long_waits(task.program), ask, Transport(task.way), began)
 
-    async def _begun(self) -> Run:
+    async def _joined_run(self) -> Run:
         """Return the run after its robots have joined it; raises Unrehearsable."""
         while self._refused is None:
             await asyncio.sleep(STEP)
-            self._runs.turn()
+            self._runs.poll()
         if self._refused:
             raise Unrehearsable(self._refused)
         return self._runs.all()[0]
@@ -186,7 +186,7 @@ class Rehearsal:
             tracks.look(placed, run.now)
             self._note_wait(run)
             if step % LOOK == 0:
-                self._runs.turn()
+                self._runs.poll()
                 self._answer(run)
                 self._tell_progress(run)
             if run.now >= LONGEST:
@@ -212,8 +212,8 @@ class Rehearsal:
     def _tell_progress(self, run: Run) -> None:
         """Report progress periodically."""
         now = time.monotonic()
-        if now - self._told >= TELL:
-            self._told = now
+        if now - self._told_at >= TELL:
+            self._told_at = now
             self._tell(RehearsalLine(round(run.now, 1), run.engine.steps.name))
 
     # -- result ----------------------------------------------------------------------------------------

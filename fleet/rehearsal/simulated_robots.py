@@ -91,7 +91,7 @@ class SimulatedRobots:
             clock=self._clock,
             scheduler=self.scheduler,
             shared=self._shared,
-            outbox=_Nowhere(),
+            outbox=_NullReportQueue(),
             journal=RobotJournal(),
             record=record,
             arrival=self._clock.monotonic,
@@ -135,7 +135,7 @@ class SimulatedRobots:
         self.scheduler.every(TICK, step)
 
 
-class _Nowhere(ReportQueue):
+class _NullReportQueue(ReportQueue):
     """A report queue without a bus."""
 
     def __init__(self) -> None:

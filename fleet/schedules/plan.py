@@ -10,7 +10,7 @@ MOST = 1000
 """Limit for counting missed firings after an interruption; beyond it the count is a lower bound."""
 
 
-class Look(msgspec.Struct, frozen=True):
+class DueFirings(msgspec.Struct, frozen=True):
     """Firings between two instants: at most one is ``due`` for a start.
 
     ``skipped`` firings each have a reason. ``missed`` counts those that are too late (``MOST``: at least that
@@ -23,7 +23,7 @@ class Look(msgspec.Struct, frozen=True):
     first_missed: float = 0.0
 
 
-def look(trigger: Trigger, seen: float, now: float, *, late: float, once: bool) -> Look:
+def due_firings(trigger: Trigger, seen: float, now: float, *, late: float, once: bool) -> DueFirings:
     """Return the firings after ``seen``, up to and including ``now`` (Unix s).
 
     A firing may be started for ``late`` seconds; later it is missed. Of several, only the newest is started.
@@ -44,4 +44,4 @@ def look(trigger: Trigger, seen: float, now: float, *, late: float, once: bool) 
     due = fresh[-1] if fresh else made_up
     skipped = tuple((at, "a later one was due as well") for at in fresh[:-1])
     number = len(missed) - (made_up is not None)
-    return Look(due, skipped, number, missed[0] if number else 0.0)
+    return DueFirings(due, skipped, number, missed[0] if number else 0.0)

@@ -21,7 +21,7 @@ from fleet.errors import StateError
 from fleet.model.event import EventKind, EventReport, Severity
 from fleet.model.schedule import Firing, ScheduleState
 from fleet.schedules.model import ScheduleConfig, due_of
-from fleet.schedules.plan import MOST, look
+from fleet.schedules.plan import MOST, due_firings
 from fleet.schedules.store import SKIPPED, STARTED, Store
 from fleet.schedules.triggers import firings
 
@@ -33,7 +33,7 @@ RECENT = 3  # firings that users see
 T = TypeVar("T")
 
 
-class Wanted(msgspec.Struct, frozen=True):
+class StartRequest(msgspec.Struct, frozen=True):
     """Start of a mission for a firing, with the authority of fleet.yaml.
 
     ``key``: starts with the same key are the same start. ``replace``: conflicting runs are ended first.
@@ -48,7 +48,7 @@ class Wanted(msgspec.Struct, frozen=True):
     without: Mapping[str, str]
 
 
-class Begun(msgspec.Struct, frozen=True):
+class StartResult(msgspec.Struct, frozen=True):
     """Result of a start: the ``run``, or the conflicting run (``busy``), or the reason of a refusal.
 
     ``left_out`` are robots of the mission that do not take part in the run, with the reasons.
@@ -63,7 +63,7 @@ class Begun(msgspec.Struct, frozen=True):
 class Starter(Protocol):
     """Starts missions."""
 
-    async def start(self, wanted: Wanted) -> Begun:
+    async def start(self, wanted: StartRequest) -> StartResult:
         """Start a mission or return why not; its key and run are on disk before this returns."""
 
     async def known(self, key: str) -> str:
@@ -96,7 +96,7 @@ class Schedules:
     async def run(self) -> None:
         """Check for due firings periodically until cancelled; call ``begin`` first."""
         while True:
-            await self.turn()
+            await self.poll()
             await asyncio.sleep(EVERY)
 
     async def begin(self, *, afresh: bool = False) -> None:
@@ -146,7 +146,7 @@ class Schedules:
                     await self._skipped(firing, f"the schedule {'is gone' if new is None else 'has changed'}")
             await self._kept(self._read)
 
-    async def turn(self) -> None:
+    async def poll(self) -> None:
         """Record due firings, and start them."""
         async with self._lock:
             if not self._seen.keys() >= self._configs.keys() and not await self._kept(self._read):
@@ -163,7 +163,7 @@ class Schedules:
                 if self._enabled.get(name):
                     why = f"{robot}: {event.text}"
                     await self._record(name, [Firing(name, event.stamp)], self._clock.time(), why)
-            await self.turn()
+            await self.poll()
 
     async def start_now(self, name: str, *, by: str) -> Firing:
         """Fire a schedule by hand, even if disabled; return the result."""
@@ -224,7 +224,7 @@ class Schedules:
         ):
             return
         once = config.missed == "once"
-        found = await asyncio.to_thread(look, config.trigger, seen, now, late=config.late, once=once)
+        found = await asyncio.to_thread(due_firings, config.trigger, seen, now, late=config.late, once=once)
         ahead = await asyncio.to_thread(next_of, config, now)
         self._next[name] = math.inf if ahead is None else ahead
         new = [Firing(name, at, SKIPPED, why) for at, why in found.skipped]
@@ -266,7 +266,7 @@ class Schedules:
             )
             return
         without = dict(self._stopped())
-        wanted = Wanted(
+        wanted = StartRequest(
             firing.schedule, config.mission, config.inputs, firing.key, config.busy == "replace", without
         )
         begun = await self._begun(wanted)
@@ -276,7 +276,7 @@ class Schedules:
         elif begun.refusal or config.busy != "queue":
             await self._skipped(firing, begun.refusal or f"{begun.busy or 'another run'} is in its way")
 
-    async def _begun(self, wanted: Wanted) -> Begun:
+    async def _begun(self, wanted: StartRequest) -> StartResult:
         """Start a mission; after an exception the key shows whether it was started nevertheless."""
         try:
             async with asyncio.timeout(START_WITHIN):
@@ -284,7 +284,7 @@ class Schedules:
         except Exception as error:
             log.exception("%s could not be started", wanted.schedule)
             run = await self._starter.known(wanted.key)
-            return Begun(run, refusal="" if run else f"it failed: {type(error).__name__}: {error}")
+            return StartResult(run, refusal="" if run else f"it failed: {type(error).__name__}: {error}")
 
     async def _started(self, firing: Firing, run: str, why: str) -> None:
         """Record that a firing was started."""

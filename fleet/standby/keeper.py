@@ -17,7 +17,7 @@ from fleet.standby.store import ANSWER_WITHIN, LeaseStore
 
 log = logging.getLogger(__name__)
 
-TURN = 0.05  # s between checks of the clock
+POLL_EVERY = 0.05  # s between checks of the clock
 LOOK_EVERY = 0.25  # s between reads of the store
 RELEASED_WITHIN = 2.0  # s for which a closing edge waits to release the lease
 
@@ -28,7 +28,7 @@ class LeaseUser(Protocol):
     def stops(self) -> dict[str, str]:
         """Return the robots whose emergency stop is set, with the causes."""
 
-    def vouched(self, epoch: int, until: float) -> None:
+    def permit_writes(self, epoch: int, until: float) -> None:
         """Permit writes to robots until a time; called before ``changed`` reports the state HOLDER."""
 
     def changed(self, state: LeaseState) -> None:
@@ -97,8 +97,8 @@ class LeaseKeeper:
     async def _run(self) -> None:
         """Keep the lease until the end."""
         while not self._ended.is_set():
-            self._turn()
-            await asyncio.sleep(TURN)
+            self._poll()
+            await asyncio.sleep(POLL_EVERY)
         if self._asking is not None:
             await asyncio.wait({self._asking}, timeout=2 * ANSWER_WITHIN)
         self.lease.hand_over("")
@@ -107,7 +107,7 @@ class LeaseKeeper:
             await asyncio.wait({asyncio.ensure_future(self._write(Wish.RELEASE))}, timeout=RELEASED_WITHIN)
         await self._store.close()
 
-    def _turn(self) -> None:
+    def _poll(self) -> None:
         """Check the clock, and begin the next request to the store; one request at a time."""
         now = self._clock()
         self.lease.tick(now)
@@ -155,7 +155,7 @@ class LeaseKeeper:
         self.lease.written(entry, revision, self._clock())
         self._stops = stops
         if self.lease.state is LeaseState.HOLDER:
-            self._user.vouched(self.lease.epoch, self.lease.writes_until)
+            self._user.permit_writes(self.lease.epoch, self.lease.writes_until)
         self._tell()
 
     def _silent(self, error: Exception) -> None:

@@ -117,7 +117,7 @@ class Lease:
         self.seen: Entry | None = None  # the last entry read, or written by us
         self.revision = 0  # of that entry, or of its deletion; 0: there never was one
         self.seen_since = math.inf  # when this revision was first seen
-        self.vouched = -math.inf  # when our last confirmed write was begun
+        self.renewed_at = -math.inf  # when our last confirmed write was begun
         self.takeover = Takeover()  # how we last came to hold it
         self._write: _Write | None = None
         self._unanswered = False  # the result of a write of ours is unknown
@@ -130,14 +130,14 @@ class Lease:
         """When motion must end unless a renewal is confirmed before."""
         if self.state is not LeaseState.HOLDER:
             return -math.inf
-        return self.vouched + self.terms.length - self.terms.standstill
+        return self.renewed_at + self.terms.length - self.terms.standstill
 
     @property
     def writes_until(self) -> float:
         """When the last byte must have been written to a robot."""
         if self.state is LeaseState.STANDBY:
             return -math.inf
-        return self.vouched + self.terms.length - self.terms.margin
+        return self.renewed_at + self.terms.length - self.terms.margin
 
     def tick(self, now: float) -> None:
         """Handle the passage of time."""
@@ -165,7 +165,7 @@ class Lease:
         if self._write is not None or self._unanswered or self.seen_since == math.inf:
             return None
         if self.state is LeaseState.HOLDER:
-            return Wish.RENEW if news or now >= self.vouched + self.terms.renewed_every else None
+            return Wish.RENEW if news or now >= self.renewed_at + self.terms.renewed_every else None
         if self.state is LeaseState.FENCED:
             return None
         if self._to is not None:
@@ -212,9 +212,9 @@ class Lease:
         if write.wish is Wish.RELEASE:
             self._to = None
         elif write.wish is Wish.RENEW and self.state is LeaseState.HOLDER:
-            self.vouched = write.begun
+            self.renewed_at = write.begun
         elif write.wish is Wish.TAKE and now < write.begun + self.terms.length - self.terms.standstill:
-            self.vouched, self.epoch = write.begun, revision
+            self.renewed_at, self.epoch = write.begun, revision
             self.takeover = write.after
             self._happens(LeaseEvent.TAKEN)
 

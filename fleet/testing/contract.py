@@ -223,7 +223,7 @@ class FrameContract(AdapterContract):
             robot = RecordingRobot(limits=config.limits.over(self.adapter.limits))
             async with connected(create_adapter(self.adapter, config, robot), robot) as bench:
                 assert await bench.until(lambda: robot.is_connected, ONLINE_WITHIN)
-                talking = _Talk(self.machine, self.said)
+                talking = _ExampleSender(self.machine, self.said)
                 robot.every(TALKS, talking.say)
                 assert await bench.until(lambda: bench.is_online, ONLINE_WITHIN), (
                     f"it never comes online: {robot.healths[-1:]}"
@@ -331,7 +331,7 @@ class FrameContract(AdapterContract):
         return list(inner.drive(velocity))
 
 
-class _Talk:
+class _ExampleSender:
     """Sends the example frames in turn."""
 
     def __init__(self, machine: MemoryRobot, said: tuple[bytes, ...]) -> None:

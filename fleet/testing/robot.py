@@ -86,13 +86,13 @@ class _Robot:
         self.left_halts: list[tuple[bytes, ...]] = []
         self.circle = 0.0
         self.lacking: dict[str, str] = {}
-        self._told = asyncio.Event()
+        self._changed = asyncio.Event()
 
     def report(self, report: Report) -> None:
         """Record a report; the first one marks the robot as ok, as in the host."""
         self.reports.append(report)
         self._answers(answers=True)
-        self._told.set()
+        self._changed.set()
 
     @contextlib.asynccontextmanager
     async def attempt(self) -> AsyncIterator[None]:
@@ -105,7 +105,7 @@ class _Robot:
         """Record that ``connect`` has returned; ``answers``: its return means that the robot answers."""
         self.is_connected = True
         self._answers(answers=answers or bool(self.reports))
-        self._told.set()
+        self._changed.set()
 
     def _answers(self, *, answers: bool) -> None:
         """Set the health to ok, as the host does, unless the adapter has set it."""
@@ -129,12 +129,12 @@ class _Robot:
     def health(self, health: Health) -> None:
         """Record the health of the robot."""
         self.healths.append(health)
-        self._told.set()
+        self._changed.set()
 
     def authority_lost(self, reason: str) -> None:
         """Record that a pilot or another station took control."""
         self.losses.append(reason)
-        self._told.set()
+        self._changed.set()
 
     def lacks(self, reasons: Mapping[str, str]) -> None:
         """Record the parts of the vocabulary that the robot does not support."""
@@ -160,8 +160,8 @@ class _Robot:
         """Wait until a condition on the records holds; raises TimeoutError."""
         async with asyncio.timeout(within):
             while not condition():
-                self._told.clear()
-                await self._told.wait()
+                self._changed.clear()
+                await self._changed.wait()
 
     async def first(self, kind: type[ReportT]) -> ReportT:
         """Wait for the first report of a kind; raises TimeoutError."""

@@ -23,7 +23,7 @@ class Wire(Protocol):
         """Return the pieces that are still in transit."""
 
 
-class _Prompt:
+class _Undelayed:
     """Base of wires that delay nothing."""
 
     def rest(self) -> list[bytes]:
@@ -31,7 +31,7 @@ class _Prompt:
         return []
 
 
-class Datagrams(_Prompt):
+class Datagrams(_Undelayed):
     """A good wire: every piece arrives whole."""
 
     def carry(self, data: bytes) -> list[bytes]:
@@ -39,7 +39,7 @@ class Datagrams(_Prompt):
         return [data]
 
 
-class OneByteAtATime(_Prompt):
+class OneByteAtATime(_Undelayed):
     """Delivers every byte separately."""
 
     def carry(self, data: bytes) -> list[bytes]:
@@ -47,7 +47,7 @@ class OneByteAtATime(_Prompt):
         return [data[index : index + 1] for index in range(len(data))]
 
 
-class Lossy(_Prompt):
+class Lossy(_Undelayed):
     """Loses each piece with the probability ``rate``."""
 
     def __init__(self, seed: int = 0, rate: float = 0.2) -> None:
@@ -59,7 +59,7 @@ class Lossy(_Prompt):
         return [] if self._random.random() < self._rate else [data]
 
 
-class Corrupt(_Prompt):
+class Corrupt(_Undelayed):
     """Flips one bit of a piece with the probability ``rate``."""
 
     def __init__(self, seed: int = 0, rate: float = 0.2) -> None:

@@ -32,7 +32,7 @@ ANSWER_WITHIN = 2.0  # s for the first states
 TRY_AGAIN_LATER = 1013  # close code: overloaded
 
 
-class _Heard:
+class _SubscribedBus:
     """A subscribed bus, with the functions that unsubscribe."""
 
     def __init__(self, bus: Bus) -> None:
@@ -85,13 +85,13 @@ class Feed:
 
     async def _hear(self) -> None:
         """Listen to the joined buses until there are no viewers."""
-        heard: dict[str, _Heard] = {}
+        heard: dict[str, _SubscribedBus] = {}
         loop = asyncio.get_running_loop()
         try:
             while self._viewers:
                 for edge, bus in list(self._joined.items()):  # copied, as it may change during a query
                     if edge not in heard or heard[edge].bus is not bus:
-                        heard[edge] = _Heard(bus)
+                        heard[edge] = _SubscribedBus(bus)
                         await self._begin_guarded(edge, heard[edge], loop)
                 for token in self._viewers.values():
                     self.tokens.renew(token)
@@ -101,14 +101,14 @@ class Feed:
             live = [each for edge, each in heard.items() if self._joined.get(edge) is each.bus]
             await asyncio.gather(*(asyncio.to_thread(each.end) for each in live), return_exceptions=True)
 
-    async def _begin_guarded(self, edge: str, heard: _Heard, loop: asyncio.AbstractEventLoop) -> None:
+    async def _begin_guarded(self, edge: str, heard: _SubscribedBus, loop: asyncio.AbstractEventLoop) -> None:
         """Listen to the bus of an edge; an error there must not affect the other edges."""
         try:
             await asyncio.to_thread(self._begin, edge, heard, loop)
         except Exception:
             log.exception("the live view for Foxglove does not hear edge %s", edge)
 
-    def _begin(self, edge: str, heard: _Heard, loop: asyncio.AbstractEventLoop) -> None:
+    def _begin(self, edge: str, heard: _SubscribedBus, loop: asyncio.AbstractEventLoop) -> None:
         """Subscribe on the bus of an edge, and query values that are published rarely; blocks."""
         take = partial(self._take, edge, loop)
         control = heard.bus.control

@@ -42,7 +42,7 @@ class Viewer:
         self._backlog = Backlog()
         self._news = asyncio.Event()
         self._offered = 0
-        self._told = float("-inf")
+        self._warned_at = float("-inf")
 
     @property
     def wanted(self) -> Iterable[int]:
@@ -93,8 +93,8 @@ class Viewer:
     async def _tell_lost(self) -> None:
         """Warn periodically of dropped samples."""
         now = self._clock.monotonic()
-        if self._backlog.lost and now - self._told >= TELL_EVERY:
-            lost, self._backlog.lost, self._told = self._backlog.lost, 0, now
+        if self._backlog.lost and now - self._warned_at >= TELL_EVERY:
+            lost, self._backlog.lost, self._warned_at = self._backlog.lost, 0, now
             text = f"{lost} older messages were left out: this viewer reads too slowly"
             await self._socket.send_text(warning(text))
 

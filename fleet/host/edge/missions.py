@@ -39,7 +39,7 @@ from fleet.missions.roles import Candidate
 from fleet.missions.run import Robot
 from fleet.missions.runs import Runs, check_run_id
 from fleet.missions.state import Head, Member
-from fleet.missions.store import About, Store, Told
+from fleet.missions.store import About, RunLogEntry, Store
 from fleet.model.command import Origin, Transport
 from fleet.model.event import EventKind, EventReport, Requester, Severity
 from fleet.model.permission import Permission
@@ -195,7 +195,7 @@ class Missions:
         self.partners.declare(self._process.scheduler.every)
         self.coordinators.declare(self._bus_session, self._process.scheduler.every)
         self.runs.take_up()
-        self._process.scheduler.every(LOOK_EVERY, self.runs.turn)
+        self._process.scheduler.every(LOOK_EVERY, self.runs.poll)
         self._process.scheduler.every(TRACK_EVERY, self.results.look)
 
     def stopped(self, names: tuple[str, ...], cause: StopCause) -> None:
@@ -354,7 +354,7 @@ class Missions:
         refusal = console_refusal(question, Permission.OPERATE)
         told(refusal) if refusal else self.runs.control(run, ask, told)
 
-    def _tell_story(self, question: Query, run: str, story: list[Told]) -> None:
+    def _tell_story(self, question: Query, run: str, story: list[RunLogEntry]) -> None:
         """Answer with a run's story; none of a run that is another edge's."""
         if story:
             question.reply(_encode(story), keys.run(self._edge, run))
