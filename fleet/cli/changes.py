@@ -30,7 +30,7 @@ _SAID = {
     Outcome.FAILED: "failed",
 }
 
-SOON = 2.0  # s
+SOON = 2.0  # s before a note that the edge has not answered yet
 TAKES = "one robot after the other; a rebuilt one has 20 s to answer, a worker that is asked has 10 s"
 
 file_argument = click.argument("file", default="fleet.yaml", type=click.Path())
@@ -100,7 +100,7 @@ def apply(
 
 @contextlib.contextmanager
 def _told_to_wait(out: Output, edge: str) -> Iterator[None]:
-    """Say that the edge is at work when it does not answer soon."""
+    """Print a note if the edge does not answer soon."""
     timer = threading.Timer(SOON, out.note, [f"waiting for edge {edge}: {TAKES}"])
     timer.daemon = True
     timer.start()

@@ -26,7 +26,7 @@ class ServiceError(FleetError):
 
 
 def files_of(spec: ServiceSpec, agent: AgentSpec | None = None) -> dict[Path, str]:
-    """Return the files of a service, relative to the root folder, with their text; of its ``agent`` too."""
+    """Return the files of a service and its ``agent``, relative to the root folder, with their text."""
     files = {
         Path("etc/systemd/system", spec.unit): unit_text(spec),
         Path("etc/sysusers.d/fleet.conf"): _HEAD + sysusers_text(),
@@ -54,8 +54,8 @@ def install(
 ) -> list[Path]:
     """Write the files below ``root``; with ``run``, load and enable them, and ``start`` the edge.
 
-    With its ``agent``, whose folder then belongs to the user of the service. Returns the files. An edge that
-    runs is not touched: it has the new unit at its next start. Raises ServiceError.
+    With ``agent``, its unit is installed too, and its folder is given to the user of the service. Returns the
+    files. A running edge is not restarted: it uses the new unit from its next start on. Raises ServiceError.
     """
     files = files_of(spec, agent)
     for path, text in files.items():
@@ -71,11 +71,10 @@ def install(
 
 
 def uninstall(edge: str, root: Path, run: Run | None) -> list[Path]:
-    """Stop the service and that of its agent, forget them and remove their files.
+    """Stop and disable the service and its agent, and remove their files.
 
-    State, fleet file, bundles and user stay.
-
-    Returns the removed files. Raises ServiceError, also if no service of this edge is installed.
+    State, fleet file, bundles and user stay. Returns the removed files. Raises ServiceError, also if no
+    service of this edge is installed.
     """
     unit, rules = unit_file(edge, root), root / _rules_file(edge)
     agent = unit.with_name(agent_unit_name(edge))
@@ -135,7 +134,7 @@ def is_root() -> bool:
 
 
 def status_of(unit: str, run: Run) -> Mapping[str, str]:
-    """Return what systemd says of a unit, by property; raises ServiceError."""
+    """Return systemd's properties of a unit; raises ServiceError."""
     told = run(["systemctl", "show", f"--property={','.join(PROPERTIES)}", unit])
     pairs = (line.partition("=") for line in told.splitlines())
     return {name: value for name, _, value in pairs if name in PROPERTIES}

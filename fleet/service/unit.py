@@ -23,10 +23,11 @@ from fleet.service.devices import Devices, devices_of, unsafe_names
 USER = GROUP = "fleet"
 STATE = Path("/var/lib")  # StateDirectory= of systemd; the edges' folders are below fleet/ there
 CONFIG = Path("/etc/fleet")
-WATCHDOG = 10  # s without a sign of the supervisor after which systemd kills it; edge and workers then end
-REALTIME = 40  # the priority that control loops of quadrupeds on CAN ask for
-HIDDEN = tuple(map(Path, ("/home", "/root", "/run/user", "/tmp", "/var/tmp")))  # noqa: S108 - what a service does not see
-FAMILIES = "AF_UNIX AF_INET AF_INET6 AF_NETLINK"  # of sockets: the bus, the cloud, and its view of networks
+# s without a message of the supervisor, after which systemd kills it; edge and workers then end
+WATCHDOG = 10
+REALTIME = 40  # highest real-time priority for control loops of quadrupeds on CAN
+HIDDEN = tuple(map(Path, ("/home", "/root", "/run/user", "/tmp", "/var/tmp")))  # noqa: S108 - hidden from a service
+FAMILIES = "AF_UNIX AF_INET AF_INET6 AF_NETLINK"  # of sockets: the bus, the cloud, and the list of networks
 _WORD = re.compile(r"[A-Za-z0-9_./:@+,=-]+")
 
 
@@ -51,7 +52,7 @@ class ServiceSpec(msgspec.Struct, frozen=True):
 
     @property
     def folder(self) -> Path:
-        """The folder in which it runs: not one to which the link of roll-outs leads, which are removed."""
+        """The working directory: not the folder of the ``current`` link, whose target a roll-out removes."""
         return self.file.parent.parent if self.file.parent.name == CURRENT else self.file.parent
 
 
@@ -79,10 +80,10 @@ def _writable(config: Sections) -> tuple[Path, ...]:
 
 
 def check_paths(paths: Sequence[Path], unsafe: Sequence[str] = ()) -> None:
-    """Raise ConfigError with all reasons where a service cannot have these paths.
+    """Raise ConfigError with all reasons why a service cannot use these paths.
 
-    It does not see those of users, and temporary ones. ``unsafe`` are other names that could mean something
-    else in the files of a service, as a path with a line break does.
+    Home folders and temporary folders are hidden from it. ``unsafe`` are other names that could be
+    misinterpreted in the files of a service, such as a path with a line break.
     """
     problems = [
         f"{path} is below {folder}, which a service does not see: keep the fleet file in {CONFIG}, state in "
@@ -98,7 +99,7 @@ def check_paths(paths: Sequence[Path], unsafe: Sequence[str] = ()) -> None:
 
 
 def word(value: object) -> str:
-    """Return one word of a unit: in quotes where it must be, and nothing in it expanded by systemd."""
+    """Return one word of a unit, quoted if necessary, with nothing that systemd would expand."""
     text = str(value).replace("%", "%%")
     if _WORD.fullmatch(text):
         return text
@@ -106,7 +107,7 @@ def word(value: object) -> str:
 
 
 def command_line(words: Iterable[object]) -> str:
-    """Return the command line of a unit, where a dollar sign would name a variable."""
+    """Return the command line of a unit; a dollar sign is escaped, since it would name a variable."""
     return " ".join(word(str(each).replace("$", "$$")) for each in words)
 
 
@@ -117,7 +118,7 @@ def unit_text(spec: ServiceSpec) -> str:
 
 
 def text_of(written_by: str, unit: Iterable[str], service: Iterable[str]) -> str:
-    """Return the text of a unit that starts with the computer, by the lines of its sections."""
+    """Return the text of a unit that starts at boot, from the lines of its sections."""
     head = f"# Written by: {written_by}\n# An own drop-in keeps changes: systemctl edit\n"
     sections = (("Unit", unit), ("Service", service), ("Install", ("WantedBy=multi-user.target",)))
     return head + "".join(
@@ -166,7 +167,7 @@ def _process(spec: ServiceSpec) -> list[str]:
 
 
 def places(edge: str, folder: Path, writable: Iterable[Path]) -> list[str]:
-    """Return user, folders and environment. The group may use the sockets, and nobody else."""
+    """Return user, folders and environment. Only the group may use the sockets."""
     lines = [
         f"User={USER}",
         f"Group={GROUP}",
@@ -184,7 +185,7 @@ def places(edge: str, folder: Path, writable: Iterable[Path]) -> list[str]:
 
 
 def _devices(spec: ServiceSpec) -> list[str]:
-    """Return what opens the devices of the fleet file, and closes all others."""
+    """Return the lines that allow the devices of the fleet file and no others."""
     families = FAMILIES
     lines = [f"DeviceAllow={each} rw" for each in spec.devices.classes]
     if not spec.devices.files:
