@@ -202,7 +202,7 @@ class Engine:
             self.ending.fail(f"the deadline of {deadline:g} s is over", self._now)
         question = head.question
         if question is not None and self._now >= question.until and self._decidable(question):
-            self.robots.note(f"Nobody answered in time: {question.on_timeout}", step=self.steps.name)
+            self.robots.note(f"No answer in time: {question.on_timeout}", step=self.steps.name)
             self._decide(question, question.on_timeout, "")
         self._time_out()
         self.steps.time_passes()
@@ -230,7 +230,9 @@ class Engine:
             seen = self.seen.words(part.robot)
             reason = f"the edge restarted meanwhile; seen: {seen}"
             self.robots.end(part, Outcome.UNKNOWN, reason, self._now)
-        self.robots.note("The edge restarted; what was under way is unknown", step=self.steps.name)
+        self.robots.note(
+            "The edge restarted; the outcome of active commands is unknown", step=self.steps.name
+        )
         if self.head.phase not in GOING_ON:
             self.ending.restarted(self._now)
             return
@@ -252,10 +254,12 @@ class Engine:
             self.robots.halt(self.steps.name, member.robot, self._now)
         self.head.phase = Phase.ASKING
         self.steps.losses.ask(
-            f"The edge restarted in step {self.steps.name}. Go on with the next step?", "restart"
+            f"The edge restarted in step {self.steps.name}. Continue with the next step?", "restart"
         )
 
     def _pause_after_restart(self) -> None:
         """Ask whether to continue; nothing was in progress."""
         self.pausing.begin()
-        self.steps.losses.ask(f"The edge restarted before step {self.steps.name} was over. Go on?", "resume")
+        self.steps.losses.ask(
+            f"The edge restarted before the end of step {self.steps.name}. Resume?", "resume"
+        )

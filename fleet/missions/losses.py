@@ -117,7 +117,7 @@ class Losses:
             self.fail(why)
         elif then == "wait" and self._head.phase is Phase.STEP:
             self._head.phase = Phase.ASKING
-            self.ask(f"{why}. Go on without it?", "robot")
+            self.ask(f"{why}. Continue without it?", "robot")
 
 
 def put(

@@ -59,7 +59,7 @@ class Pausing:
         asking = head.question is not None and head.question.about != "resume"
         trouble = "" if confirmed or asking else self._change()
         if trouble:
-            self._steps.losses.ask(f"{trouble}. Go on all the same?", "resume")
+            self._steps.losses.ask(f"{trouble}. Resume anyway?", "resume")
             return
         head.phase, paused = head.paused_from, self._now - head.paused_at
         head.until += paused
@@ -67,7 +67,7 @@ class Pausing:
         for part in self._robots.active():
             part.until += paused
             self._robots.touched[part.identity] = part
-        self._robots.note(f"{event.by or 'Somebody'} let the run go on", step=self._steps.name)
+        self._robots.note(f"{event.by or 'Somebody'} resumed the run", step=self._steps.name)
         self._hold(resumes=True)
         self.go_on_between()
         self._steps.look()

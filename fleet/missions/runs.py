@@ -316,7 +316,7 @@ class Runs:
         for member in engine.robots.ours():
             if member.robot not in self.robots:
                 engine.robots.lose(member.robot, Outcome.LOST, "fleet.yaml has it no more", run.now)
-        log.warning("run %s of %s was under way when the edge ended", run.id, kept.about.mission)
+        log.warning("run %s of %s was in progress when the edge ended", run.id, kept.about.mission)
 
         def back() -> bool:
             ours = (self.robots[member.robot] for member in engine.robots.ours())
