@@ -200,7 +200,7 @@ def _moved(passed: Passed, places: Mapping[str, Point | None]) -> str:
     for robot, was in passed.places.items():
         now = places.get(robot)
         if now is None:
-            return f"nobody knows where {robot} is"
+            return f"the position of {robot} is unknown"
         metres = math.dist(was, now)
         if metres > NEAR:
             return f"{robot} is {metres:.1f} m from where it was at the rehearsal"

@@ -349,7 +349,7 @@ def test_the_common_start_is_taken_back(play):
         run.take(Prepared(robot))
     run.take(NotStarted("go.1", "beast: its emergency stop is set")).stands(*EVERYBODY)
     assert run.ended is RunOutcome.FAILED
-    assert "nobody moved" in run.engine.head.reason
+    assert "no robot moved" in run.engine.head.reason
 
 
 def test_every_row_of_the_matrix_has_its_test():
