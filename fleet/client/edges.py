@@ -166,7 +166,7 @@ class Edges:
         if bus_session is None:
             return iter(())
         parameters = {"kind": kind, "wait": "1" if wait else "0"}
-        key = keys.command(robot.edge, robot.name)
+        key = keys.as_person(keys.command(robot.edge, robot.name), bus_session.person)
         answers = bus_session.ask(key, payload, timeout=timeout, parameters=parameters)
         return (reply for _, reply in decoded(answers, Reply))
 
@@ -180,7 +180,8 @@ class Edges:
         """Return the schedules of all edges, with their edge; raises Refused if an edge cannot read them."""
         asked = msgspec.json.encode(ScheduleAsked())
         found = []
-        for _, key, answer in self.asked(keys.schedules("*"), ScheduleAnswer, asked, HISTORY_WITHIN):
+        answers = self.asked(keys.schedules("*"), ScheduleAnswer, asked, HISTORY_WITHIN, by_person=True)
+        for _, key, answer in answers:
             if answer.refusal:
                 raise Refused(f"edge {key.split('/')[1]}: {answer.refusal}")
             found += [(key.split("/")[1], state) for state in answer.schedules]
@@ -189,7 +190,8 @@ class Edges:
     def ask_schedules(self, edge: str, asked: ScheduleAsked) -> ScheduleAnswer:
         """Send a request about an edge's schedules; raises TimedOut without an answer."""
         payload = msgspec.json.encode(asked)
-        for _, _, answer in self.asked(keys.schedules(edge), ScheduleAnswer, payload, STARTED_WITHIN):
+        key = keys.schedules(edge)
+        for _, _, answer in self.asked(key, ScheduleAnswer, payload, STARTED_WITHIN, by_person=True):
             return answer
         raise TimedOut(f"edge {edge} does not answer for its schedules")
 
@@ -212,18 +214,29 @@ class Edges:
         """Send a request to one edge, over each session in turn; raises TimedOut without an answer."""
         payload = msgspec.json.encode(asked)
         for bus_session in self.sessions:
+            to = keys.as_person(key, bus_session.person)
             for _, found in decoded(
-                bus_session.ask(key, payload, timeout=within, parameters=parameters), kind
+                bus_session.ask(to, payload, timeout=within, parameters=parameters), kind
             ):
                 return found
         raise TimedOut(f"no answer within {within:g} s on {key}")
 
     def asked(
-        self, key: str, kind: type[T], payload: bytes = b"", within: float = ANSWER_WITHIN
+        self,
+        key: str,
+        kind: type[T],
+        payload: bytes = b"",
+        within: float = ANSWER_WITHIN,
+        *,
+        by_person: bool = False,
     ) -> Iterator[tuple[ZenohSession, str, T]]:
-        """Send a request on all sessions concurrently; yield each answer with its session and key."""
+        """Send a request on all sessions concurrently; yield each answer with its session and key.
+
+        ``by_person``: add the name of the person in the session's certificate to the key.
+        """
         asked = [
-            (bus_session, bus_session.ask(key, payload, timeout=within)) for bus_session in self.sessions
+            (each, each.ask(keys.as_person(key, each.person if by_person else ""), payload, timeout=within))
+            for each in self.sessions
         ]
         for bus_session, answers in asked:
             for answered, answer in decoded(answers, kind):

@@ -13,12 +13,12 @@ from fleet.missions.store import RunLogEntry
 
 def missions(edges: Edges, name: str) -> list[MissionState]:
     """Return the missions of this name (``*``: all) on the edges."""
-    return [found for _, _, found in edges.asked(keys.mission("*", name), MissionState)]
+    return [found for _, _, found in edges.asked(keys.mission("*", name), MissionState, by_person=True)]
 
 
 def runs(edges: Edges, run: str) -> list[RunState]:
     """Return the runs of this id (``*``: all): those in progress and the newest ended ones."""
-    return [found for _, _, found in edges.asked(keys.run("*", run), RunState)]
+    return [found for _, _, found in edges.asked(keys.run("*", run), RunState, by_person=True)]
 
 
 def start(edges: Edges, edge: str, name: str, asked: StartAsk) -> Started:
@@ -39,4 +39,5 @@ def story(edges: Edges, edge: str, run: str) -> list[RunLogEntry]:
 def results(edges: Edges, edge: str, run: str) -> list[Result]:
     """Return the results of a run, empty if there are none; the edge reads them from its disk."""
     asked = msgspec.json.encode(ControlAsk("results"))
-    return [one for _, _, found in edges.asked(keys.run(edge, run), list[Result], asked) for one in found]
+    found = edges.asked(keys.run(edge, run), list[Result], asked, by_person=True)
+    return [one for _, _, part in found for one in part]

@@ -7,13 +7,22 @@ from __future__ import annotations
 
 import ipaddress
 import re
+from collections.abc import Mapping
 from typing import Literal, NamedTuple
+
+from fleet.model.permission import Permission
 
 Insecure = Literal["local"] | bool
 """Access without proof of identity permitted in fleet.yaml: none, from this computer, from anywhere."""
 
-Role = Literal["edge", "worker", "console", "program", "router"]
-"""Roles of identities on the bus."""
+Role = Literal["edge", "worker", "console", "program", "router", "view", "operate", "admin"]
+"""Roles of identities on the bus; the role of a person is the person's permission."""
+
+PERSONS: Mapping[str, Permission] = {each.word: each for each in Permission}
+"""Permissions by the roles of persons."""
+
+PERSON = "person"
+"""Role in the certificates of persons; each edge configures their permissions."""
 
 COMMON_NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]{0,63}")
 """Valid names of identities: they fit the common name of a certificate and a file name."""

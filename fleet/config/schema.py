@@ -229,8 +229,8 @@ class BusConfig(Model):
     access: dict[CommonName, Role] | None = Field(
         None,
         description="Roles by the common name of the certificate: edge, worker (of this edge, by its "
-        "name), console, program or router; other names may do nothing (docs/how-to/bus.md). "
-        "Left out: every certificate of the authority may do everything.",
+        "name), console, program or router, for a person view, operate or admin; other names may do nothing "
+        "(docs/how-to/bus.md). Left out: every certificate of the authority may do everything.",
     )
     consoles: dict[CommonName, Literal["view", "operate", "admin"]] = Field(
         {},
