@@ -130,7 +130,6 @@ def test_settings_of_the_interpreter_have_one_owner(root):
 MOST_METHODS = 20  # of one class, properties and private ones counted
 LARGER = {
     "adapters/fleet_mavlink/adapter.py:MavlinkAdapter": 24,
-    "adapters/fleet_mavlink/session.py:VehicleSession": 25,
     "adapters/fleet_mavlink/sim/autopilot.py:Autopilot": 47,
     "adapters/fleet_mavlink/sim/px4.py:SimPx4": 32,
     "adapters/fleet_ugv/adapter.py:UgvAdapter": 24,
