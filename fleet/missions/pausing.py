@@ -1,4 +1,4 @@
-"""Pauses one run and lets it go on: where it was paused, what holds meanwhile, what has changed since."""
+"""Pausing and resuming one run."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ from fleet.missions.state import Head, Hold, Occupy, Pause, Phase, Resume, requi
 from fleet.missions.steps import Steps
 
 PAUSABLE = frozenset({"goto", "path", "plan", "follow"})
-"""What leads a robot somewhere: it can be paused, and gone on with; any other command ends by itself."""
+"""The acts that lead a robot somewhere, and so can be paused and resumed; others end by themselves."""
 
 
 class Pausing:
-    """The pauses of one run; ``now`` is the time of the event that is being handled."""
+    """Knows where and when a run was paused, and checks what has changed before it is resumed."""
 
     def __init__(self, program: Program, head: Head, robots: RunRobots, seen: Seen, steps: Steps) -> None:
         self._program = program
@@ -28,7 +28,7 @@ class Pausing:
         return self._steps.losses.now
 
     def pause(self, event: Pause) -> None:
-        """Let robots hold, and note where they are left; all do where one of them does not go on."""
+        """Pause the run: hold its robots and note their positions, also if only one of them cannot go on."""
         head = self._head
         if event.robot:
             self._robots.note(event.reason, event.robot, self._steps.name)
@@ -43,13 +43,13 @@ class Pausing:
         self._hold(resumes=False, without=event.robot)
 
     def begin(self) -> None:
-        """Be paused from now on; a run that is paused already stays so."""
+        """Change to the paused phase, unless the run is paused already."""
         head = self._head
         if head.phase is not Phase.PAUSED:
             head.paused_from, head.paused_at, head.phase = head.phase, self._now, Phase.PAUSED
 
     def resume(self, event: Resume, *, confirmed: bool = False) -> None:
-        """Go on with a run that was paused, unless something has changed that a person should know."""
+        """Resume a paused run; ask first if a robot has moved or lacks something since."""
         head = self._head
         if head.phase is not Phase.PAUSED:
             return
@@ -70,20 +70,20 @@ class Pausing:
         self._steps.look()
 
     def go_on_between(self) -> None:
-        """Go on between two steps, or before the first."""
+        """Continue between two steps, or before the first one."""
         if self._head.phase is Phase.OCCUPYING:
             self._robots.effects.append(Occupy())
         elif self._head.phase in (Phase.NEW, Phase.FILLING, Phase.PREPARING):
             self._steps.go_on()
 
     def _hold(self, *, resumes: bool, without: str = "") -> None:
-        """Pause what leads robots somewhere, or let it go on."""
+        """Pause or resume the pausable parts."""
         for part in self._robots.active("do"):
             if part.act.verb in PAUSABLE and part.robot != without:
                 self._robots.effects.append(Hold(part, resumes))
 
     def _change(self) -> str:
-        """Return what has changed since the pause; empty when nothing has."""
+        """Return the change since the pause that a person should know of; empty if there is none."""
         for member in self._robots.within():
             trouble = self._seen.lacks(member.robot, required(self._program, self._head))
             trouble = trouble or self._seen.moved(member.robot, member.paused_at)

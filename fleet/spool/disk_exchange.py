@@ -1,4 +1,4 @@
-"""What the thread of the disk is asked to do for a spool, and what it reports: without I/O and clock."""
+"""The interface between a spool's queue and the thread that writes to disk. No I/O, no clock."""
 
 from __future__ import annotations
 
@@ -16,10 +16,9 @@ FETCHED = 256
 
 
 class DiskExchange:
-    """The disk's side of a spool's contents.
+    """The changes that the disk thread has to make, and the results that it reports.
 
-    ``failing``: no disk takes what is to be written. ``before``: the newest number of an earlier process,
-    and of all messages before it.
+    ``failing``: nothing can be written. ``before``: the newest message number of an earlier process.
     """
 
     def __init__(self, contents: SpoolContents, first: int) -> None:
@@ -31,21 +30,21 @@ class DiskExchange:
 
     @property
     def needs_fetch(self) -> bool:
-        """True when messages are wanted from disk."""
+        """True when messages are to be fetched from disk."""
         return bool(self._queues.needs_fetch)
 
     @property
     def unwritten(self) -> bool:
-        """True when something is being changed on disk, or is to be soon.
+        """True when a change on disk is pending or in progress.
 
-        Any thread may look: each is looked at once, and what is being written last, for it is marked first.
+        Callable from any thread without the lock: ``_writing`` is read last, because it is set first.
         """
         contents = self._contents
         changed = len(contents.unwritten) > 0 or len(contents.deletions) > 0 or contents.losses.changed
         return changed or self._writing
 
     def work(self, now: float) -> DiskWork:
-        """Remove and return what is to be changed on disk now."""
+        """Remove and return the changes to be made on disk now."""
         contents = self._contents
         self._writing = True
         rows = contents.unwritten.take(now, at_once=not self._queues.online or contents.on_disk > 0)
@@ -54,7 +53,7 @@ class DiskExchange:
         return DiskWork(rows, done)
 
     def wrote(self, work: DiskWork) -> None:
-        """Note that a change is on disk: what stands there alone has left memory."""
+        """Note that changes are on disk; messages that are on disk alone leave memory."""
         self.failing = self._writing = False
         self._contents.deletions.deleted()
         for message in work.rows:
@@ -63,13 +62,13 @@ class DiskExchange:
                 self._contents.memory.remove(message)
 
     def not_written(self, work: DiskWork) -> None:
-        """Take a change back that the disk did not take."""
+        """Take back changes that could not be made."""
         self._contents.deletions.put_back()
         self._contents.unwritten.put_back(work.rows)
         self.failing, self._writing = True, False
 
     def fetches(self) -> list[FetchRequest]:
-        """Return of which topics more is wanted."""
+        """Return the topics to fetch messages of."""
         share = self._contents.memory.room // max(1, len(self._queues.needs_fetch))
         limit = max(LOW_IN_NEED, min(FETCHED, share))
         return [
@@ -78,7 +77,7 @@ class DiskExchange:
         ]
 
     def fetched(self, topic: str, messages: Sequence[Outgoing], *, more: bool) -> None:
-        """Take messages from disk; ``more``: there are further ones. The last ones never reached the disk."""
+        """Add fetched messages; without ``more`` those follow that never reached the disk."""
         queue = self._queues.needs_fetch.pop(topic, None)
         if queue is None:
             return
@@ -86,7 +85,7 @@ class DiskExchange:
             if self._contents.is_on_disk_alone(queue, message.seq):
                 self._contents.load(queue, message)
                 self._contents.memory.add(message)
-        if messages:  # also when none was wanted: the next fetch goes on behind them
+        if messages:  # even if none was needed: the next fetch continues after them
             queue.loaded = max(queue.loaded, messages[-1].seq)
         if not more:
             self._contents.load_unwritten((topic,))
@@ -94,7 +93,7 @@ class DiskExchange:
         self._queues.forget(queue)
 
     def found(self, topic: str, traffic: TrafficClass, count: int, oldest: int, newest: int) -> None:
-        """Note what an earlier process left on disk; what came before the disk could be read follows it."""
+        """Count the messages that an earlier process left on disk; those taken since then follow them."""
         contents = self._contents
         self.before = max(self.before, newest)
         queue = self._queues.of(topic, traffic)
@@ -112,7 +111,7 @@ class DiskExchange:
         self._queues.stand(queue)
 
     def removed(self, topic: str, seqs: Sequence[int], reason: Reason, wall: float) -> None:
-        """Note that messages were removed from disk: those that are not under way are lost."""
+        """Handle the removal of rows from disk: messages that are not in flight are lost."""
         queue = self._queues.get(topic)
         if queue is None:
             return
@@ -126,7 +125,7 @@ class DiskExchange:
         self._queues.forget(queue)
 
     def lost_disk(self, wall: float) -> None:
-        """Note that what was on disk is lost; what is in memory is written anew."""
+        """Handle the loss of the database: rewrite the messages in memory, count the others as lost."""
         contents = self._contents
         for queue in list(self._queues.values()):
             mine = (one for one in contents.unwritten if one.topic == queue.topic)
@@ -141,7 +140,7 @@ class DiskExchange:
         contents.deletions.clear()
 
     def no_disk(self) -> None:
-        """Note that there is no file at all: memory alone serves, also for what was to leave it."""
+        """Handle the absence of a database: keep all messages in memory."""
         self.failing = True
         if self._contents.on_disk:
             self._contents.load_unwritten(self._queues)
