@@ -1,4 +1,4 @@
-"""Session of one robot on an open link: the state of its vehicle, and everything that acts on it."""
+"""Session with one vehicle on an open link: its state, and all parts that act on it."""
 
 from __future__ import annotations
 
@@ -74,7 +74,7 @@ class VehicleSession:
             robot,
             lambda: (*self.failsafes.troubles, *(self.fence.troubles if self.fence else ())),
         )
-        self._lacking: Mapping[str, str] | None = None  # what the host was told in this attempt
+        self._lacking: Mapping[str, str] | None = None  # last reported to the host in this run
         self.authority = Authority(self._authority_lost)
         waits = config.timeouts
         self.commander = Commander(vehicle, Timing(waits.answer, waits.tries, waits.working))
@@ -134,7 +134,7 @@ class VehicleSession:
         return GeoOrigin(given.latitude, given.longitude, given.altitude, given.heading)
 
     def counts(self) -> dict[str, int]:
-        """Return what was refused, or did not fit, on the way from the vehicle, by what it was."""
+        """Return the counts of refused and broken messages from the vehicle, by reason."""
         return dict(self.vehicle.trust.counts) | {
             "frames with a wrong checksum on its link": self._hub.broken
         }
@@ -173,7 +173,7 @@ class VehicleSession:
 
     @property
     def is_ours_to_stop(self) -> bool:
-        """True when an unrequested stop is right: the vehicle is flown by us and is not coming down."""
+        """True when the host may stop the vehicle by itself: we control it, and it is not coming down."""
         flown = self.vehicle.connected and self.vehicle.flavour is not None and not self.authority.lost_to
         return flown and not self.comes_down
 
@@ -230,7 +230,7 @@ class VehicleSession:
         return is_standing(self.vehicle.state)
 
     async def kill(self) -> None:
-        """Stop the motors at once; running commands end, and nothing more is streamed."""
+        """Stop the motors at once; end running commands and the stream of setpoints."""
         self.commander.turns.supersede("kill")
         self.driver.end()
         await self.flight.kill()
@@ -245,7 +245,7 @@ class VehicleSession:
         state, flavour = self.vehicle.state, self.vehicle.flavour
         self.commander.turns.halt(EMERGENCY_HALTED if takes_over else HALTED)
         self.driver.halted = True
-        reached = self.vehicle.connected or takes_over  # what is not heard may hear
+        reached = self.vehicle.connected or takes_over  # a silent vehicle may still hear
         if self.comes_down and not takes_over:
             return
         if flavour is None:
@@ -260,7 +260,9 @@ class VehicleSession:
         best = self.vehicle.holding if reached else None
         if best is not None:
             pending = self.commander.turns.current
-            goes_on = pending is not None and not pending.superseded  # a landing: its mode is still to come
+            goes_on = (
+                pending is not None and not pending.superseded
+            )  # a landing, whose mode change is still to come
             (self.authority.expect_also if goes_on else self.authority.expect)(*best.modes)
             messages += map(self.commander.addressed, best.asks)
         self._hub.send_from_any_thread(messages, self.vehicle)

@@ -1,4 +1,4 @@
-"""Health of one vehicle and of the way to it, with the cause, as the host is told it."""
+"""Health of one vehicle and its link, with the cause."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ from fleet_mavlink.vehicle import Vehicle
 
 
 class VehicleHealth:
-    """Reports the vehicle's health. ``troubles`` are those of its fail-safes and of its fence.
+    """Reports the vehicle's health to the host. ``troubles`` returns those of fail-safe settings and fence.
 
-    ``unstopped`` is why the last stop failed, empty while none did; ``cause`` is the reason of a fail-safe,
-    read from what the autopilot says.
+    ``unstopped`` is the reason why the last stop failed, else empty; ``cause`` is the reason of a fail-safe,
+    taken from the autopilot's texts.
     """
 
     def __init__(
@@ -31,7 +31,7 @@ class VehicleHealth:
         self._began = robot.clock.monotonic()
 
     def look(self) -> None:
-        """Let the vehicle's time pass, and report its health once it has had time to answer."""
+        """Check the vehicle's timeouts, and report its health once it has had time to answer."""
         self._vehicle.tick()
         self.see_cause()
         never_heard = self._vehicle.state.heartbeat is None
@@ -44,7 +44,7 @@ class VehicleHealth:
         self._robot.health(self._health())
 
     def see_cause(self) -> None:
-        """Look for the reason of a fail-safe in what was said."""
+        """Look for the reason of a fail-safe in the autopilot's texts."""
         vehicle = self._vehicle
         if vehicle.kind is not None:
             mode = vehicle.kind.mode_of(vehicle.state)
@@ -61,7 +61,7 @@ class VehicleHealth:
         return Health(Level.DEGRADED, "; ".join(troubles)) if troubles else Health()
 
     def _troubles(self) -> tuple[str, ...]:
-        """Return what is wrong with a vehicle that answers and can be flown."""
+        """Return the problems of a vehicle that answers."""
         vehicle = self._vehicle
         troubles = position_troubles(vehicle.state, vehicle.now())
         if self.unstopped and vehicle.state.armed:
@@ -76,7 +76,7 @@ class VehicleHealth:
         return (*troubles, *self._settings_troubles())
 
     def _absence(self) -> str:
-        """Return which vehicle is not heard, and which are heard instead."""
+        """Return which system is not heard, and which ones are heard instead."""
         system = self._vehicle.system
         where = f"system {system} on {self._hub.link.url}"
         others = [str(each) for each in self._hub.unclaimed]

@@ -132,7 +132,7 @@ LARGER = {
     "fleet/cloud/client.py:CloudClient": 21,
     "fleet/cloud/mqtt_connection.py:MqttConnection": 23,
     "adapters/fleet_mavlink/adapter.py:MavlinkAdapter": 24,  # one thing: 14 are rows of its vocabulary
-    "adapters/fleet_mavlink/sim/autopilot.py:Autopilot": 47,
+    "adapters/fleet_mavlink/sim/autopilot.py:Autopilot": 36,
     "adapters/fleet_mavlink/sim/px4.py:SimPx4": 32,
     "adapters/fleet_mavlink/vehicle.py:Vehicle": 21,
     "adapters/fleet_ugv/adapter.py:UgvAdapter": 24,  # one thing: 14 are rows of its vocabulary
