@@ -46,7 +46,7 @@ from fleet_mavlink.steering import Steering
 from fleet_mavlink.streams import Streams
 from fleet_mavlink.takeoff import TakeOff
 from fleet_mavlink.turns import Superseded
-from fleet_mavlink.vehicle import Vehicle, circle_of, lacking_of
+from fleet_mavlink.vehicle import Vehicle, circle_of, holding_of, lacking_of
 from fleet_mavlink.vehicle_health import VehicleHealth
 from fleet_mavlink.velocity_stream import PERIOD, VelocityStream
 from fleet_mavlink.wing_settings import WingSettings
@@ -257,12 +257,10 @@ class VehicleSession:
         streamed = flavour.mode_of(state) == flavour.external and not flavour.tries_brakes
         messages: list[MavlinkMessage] = [ned_setpoint(Vector3(), 0.0, self.vehicle.system)] * streamed
         # Zero alone is not enough: PX4 descends when the setpoints of a stuck process end.
-        best = self.vehicle.holding if reached else None
+        best = holding_of(self.vehicle) if reached else None
         if best is not None:
             pending = self.commander.turns.current
-            goes_on = (
-                pending is not None and not pending.superseded
-            )  # a landing, whose mode change is still to come
+            goes_on = pending is not None and not pending.superseded  # a landing, about to change the mode
             (self.authority.expect_also if goes_on else self.authority.expect)(*best.modes)
             messages += map(self.commander.addressed, best.asks)
         self._hub.send_from_any_thread(messages, self.vehicle)
