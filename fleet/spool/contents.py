@@ -1,4 +1,4 @@
-"""The messages of a spool, each in memory, on disk as well, or on disk alone."""
+"""The messages of a spool and where each stands: in memory, on disk as well, or on disk alone."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ from fleet.spool.unwritten import UnwrittenMessages
 
 
 class SpoolContents:
-    """The waiting messages of a spool; ``messages`` and ``size`` (bytes) bound those in memory.
+    """All messages of a spool that wait; ``messages`` and ``size`` (bytes) bound what stands in memory.
 
-    ``waiting`` counts them, ``on_disk`` those that are on disk alone, or are being written there.
-    ``unwritten`` are to be written to disk, ``deletions`` are rows to be deleted there.
+    ``waiting`` counts them, ``on_disk`` those of them that stand on disk alone, or are on their way there.
+    ``unwritten`` are to be written to disk, ``deletions`` are rows there that nobody waits for any more.
     ``keeps_on_disk``: there is a disk to write to, though it may fail.
     """
 
@@ -32,7 +32,7 @@ class SpoolContents:
         self.deletions = PendingDeletions()
 
     def add(self, queue: TopicQueue, message: Outgoing) -> None:
-        """Append a new message to its topic; with ``on_disk`` set it will be on disk alone."""
+        """Add a new message behind all of its topic; ``on_disk`` says that it will stand there alone."""
         self.waiting += 1
         self.memory.add(message)
         if message.on_disk:
@@ -47,13 +47,13 @@ class SpoolContents:
         self.queues.stand(queue)
 
     def take(self, queue: TopicQueue, message: Outgoing) -> None:
-        """Remove a message that is sent now; its row on disk stays until it is acknowledged."""
+        """Remove a message of a queue that is sent now; it stays on disk until it is settled."""
         self.memory.remove(message)
         self.waiting -= 1
         queue.flying += 1
 
     def take_back(self, queue: TopicQueue, message: Outgoing) -> None:
-        """Insert a message that was in flight before all newer ones."""
+        """Put a message back that was sent, before all that are newer."""
         if message.gone:
             return
         queue.give_back(message)
@@ -61,7 +61,7 @@ class SpoolContents:
         self.waiting += 1
 
     def forget(self, message: Outgoing) -> None:
-        """Mark a message as gone; its row on disk is deleted, or never written."""
+        """Note that nobody waits for a message any more; its row on disk is deleted, or never written."""
         message.gone = True
         if message.stored:
             self.deletions.add(message.seq)
@@ -69,7 +69,7 @@ class SpoolContents:
             self.unwritten.tombstone()
 
     def lose(self, message: Outgoing, reason: Reason, wall: float) -> TopicQueue:
-        """Drop a message from memory; return its topic queue, which may be empty now."""
+        """Drop a message that stood in memory; return its queue, which may be empty now."""
         queue = self.queues[message.topic]
         self.memory.remove(message)
         self.forget(message)
@@ -84,11 +84,11 @@ class SpoolContents:
     # -- on disk alone -------------------------------------------------------------------------------
 
     def is_on_disk_alone(self, queue: TopicQueue, seq: int) -> bool:
-        """Return whether a row on disk is a waiting message that is not in memory."""
+        """Return whether a row that was met on disk is a message that waits and stands nowhere else."""
         return seq > queue.loaded and seq not in self.deletions and seq not in queue.ahead
 
     def load(self, queue: TopicQueue, message: Outgoing) -> None:
-        """Append a message to memory that was on disk alone."""
+        """Have a message stand in memory that stood on disk alone."""
         message.on_disk = False
         queue.memory.append(message)
         queue.loaded = queue.cold_from = message.seq
@@ -96,13 +96,13 @@ class SpoolContents:
         self.on_disk -= 1
 
     def load_unwritten(self, topics: Container[str]) -> None:
-        """Append to memory the messages of some topics that never reached the disk."""
+        """Have those messages of some topics stand in memory that never reached the disk."""
         for message in self.unwritten:
             if message.on_disk and not message.gone and message.topic in topics:
                 self.load(self.queues[message.topic], message)
 
     def lose_on_disk(self, queue: TopicQueue, lost: int, reason: Reason, wall: float) -> None:
-        """Count messages as lost that were on disk alone."""
+        """Count out messages that stood on disk alone, and are there no more."""
         queue.on_disk -= lost
         self.on_disk -= lost
         self.waiting -= lost

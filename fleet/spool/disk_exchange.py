@@ -1,4 +1,4 @@
-"""The interface between a spool's queue and the thread that writes to disk. No I/O, no clock."""
+"""What the thread of the disk is asked to do for a spool, and what it reports: without I/O and clock."""
 
 from __future__ import annotations
 
@@ -16,9 +16,10 @@ FETCHED = 256
 
 
 class DiskExchange:
-    """The changes that the disk thread has to make, and the results that it reports.
+    """The disk's side of a spool's contents.
 
-    ``failing``: nothing can be written. ``before``: the newest message number of an earlier process.
+    ``failing``: no disk takes what is to be written. ``before``: the newest number of an earlier process,
+    and of all messages before it.
     """
 
     def __init__(self, contents: SpoolContents, first: int) -> None:
@@ -30,21 +31,21 @@ class DiskExchange:
 
     @property
     def needs_fetch(self) -> bool:
-        """True when messages are to be fetched from disk."""
+        """True when messages are wanted from disk."""
         return bool(self._queues.needs_fetch)
 
     @property
     def unwritten(self) -> bool:
-        """True when a change on disk is pending or in progress.
+        """True when something is being changed on disk, or is to be soon.
 
-        Callable from any thread without the lock: ``_writing`` is read last, because it is set first.
+        Any thread may look: each is looked at once, and what is being written last, for it is marked first.
         """
         contents = self._contents
         changed = len(contents.unwritten) > 0 or len(contents.deletions) > 0 or contents.losses.changed
         return changed or self._writing
 
     def work(self, now: float) -> DiskWork:
-        """Remove and return the changes to be made on disk now."""
+        """Remove and return what is to be changed on disk now."""
         contents = self._contents
         self._writing = True
         rows = contents.unwritten.take(now, at_once=not self._queues.online or contents.on_disk > 0)
@@ -53,7 +54,7 @@ class DiskExchange:
         return DiskWork(rows, done)
 
     def wrote(self, work: DiskWork) -> None:
-        """Note that changes are on disk; messages that are on disk alone leave memory."""
+        """Note that a change is on disk: what stands there alone has left memory."""
         self.failing = self._writing = False
         self._contents.deletions.deleted()
         for message in work.rows:
@@ -62,13 +63,13 @@ class DiskExchange:
                 self._contents.memory.remove(message)
 
     def not_written(self, work: DiskWork) -> None:
-        """Take back changes that could not be made."""
+        """Take a change back that the disk did not take."""
         self._contents.deletions.put_back()
         self._contents.unwritten.put_back(work.rows)
         self.failing, self._writing = True, False
 
     def fetches(self) -> list[FetchRequest]:
-        """Return the topics to fetch messages of."""
+        """Return of which topics more is wanted."""
         share = self._contents.memory.room // max(1, len(self._queues.needs_fetch))
         limit = max(LOW_IN_NEED, min(FETCHED, share))
         return [
@@ -77,7 +78,7 @@ class DiskExchange:
         ]
 
     def fetched(self, topic: str, messages: Sequence[Outgoing], *, more: bool) -> None:
-        """Add fetched messages; without ``more`` those follow that never reached the disk."""
+        """Take messages from disk; ``more``: there are further ones. The last ones never reached the disk."""
         queue = self._queues.needs_fetch.pop(topic, None)
         if queue is None:
             return
@@ -85,7 +86,7 @@ class DiskExchange:
             if self._contents.is_on_disk_alone(queue, message.seq):
                 self._contents.load(queue, message)
                 self._contents.memory.add(message)
-        if messages:  # even if none was needed: the next fetch continues after them
+        if messages:  # also when none was wanted: the next fetch goes on behind them
             queue.loaded = max(queue.loaded, messages[-1].seq)
         if not more:
             self._contents.load_unwritten((topic,))
@@ -93,7 +94,7 @@ class DiskExchange:
         self._queues.forget(queue)
 
     def found(self, topic: str, traffic: TrafficClass, count: int, oldest: int, newest: int) -> None:
-        """Count the messages that an earlier process left on disk; those taken since then follow them."""
+        """Note what an earlier process left on disk; what came before the disk could be read follows it."""
         contents = self._contents
         self.before = max(self.before, newest)
         queue = self._queues.of(topic, traffic)
@@ -111,7 +112,7 @@ class DiskExchange:
         self._queues.stand(queue)
 
     def removed(self, topic: str, seqs: Sequence[int], reason: Reason, wall: float) -> None:
-        """Handle the removal of rows from disk: messages that are not in flight are lost."""
+        """Note that messages were removed from disk: those that are not under way are lost."""
         queue = self._queues.get(topic)
         if queue is None:
             return
@@ -125,7 +126,7 @@ class DiskExchange:
         self._queues.forget(queue)
 
     def lost_disk(self, wall: float) -> None:
-        """Handle the loss of the database: rewrite the messages in memory, count the others as lost."""
+        """Note that what was on disk is lost; what is in memory is written anew."""
         contents = self._contents
         for queue in list(self._queues.values()):
             mine = (one for one in contents.unwritten if one.topic == queue.topic)
@@ -140,7 +141,7 @@ class DiskExchange:
         contents.deletions.clear()
 
     def no_disk(self) -> None:
-        """Handle the absence of a database: keep all messages in memory."""
+        """Note that there is no file at all: memory alone serves, also for what was to leave it."""
         self.failing = True
         if self._contents.on_disk:
             self._contents.load_unwritten(self._queues)

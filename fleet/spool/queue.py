@@ -1,7 +1,7 @@
-"""The queue of a spool: decides which message is sent next, written to disk or dropped. No I/O, no clock.
+"""What is sent next, what goes to disk, what is dropped: the spool's decisions, without I/O and clock.
 
-A message is in memory and, if it is not sent within a moment, also on disk. Beyond the memory limit it is
-on disk alone, and is fetched when it is soon to be sent. The order within a topic is kept.
+A message stands in memory and, when nobody has taken it for a moment, on disk too. Beyond the bound on
+memory it stands on disk alone and comes back when its turn is near. Order is kept in each topic.
 """
 
 from __future__ import annotations
@@ -18,17 +18,17 @@ from fleet.spool.topic_queue import REPLY, TopicEvent, TopicQueue
 from fleet.wire.rules import TrafficClass
 
 NEWEST_FIRST = 0.1
-"""Seconds after a connect in which waiting messages let the newest states go first."""
+"""Seconds after a connect in which what has waited lets the newest state go first."""
 BURST = 16
-"""Messages of one topic that are sent before the next topic is served."""
+"""Messages of one topic that go before another topic has its turn."""
 _HELD, _REFUSED = Outcome.HELD, Outcome.REFUSED
 
 
 class SpoolQueue:
     """All durable messages of one edge. Times are monotonic seconds, ``wall`` is Unix time.
 
-    ``messages`` and ``size`` (bytes) bound the messages in memory. Message numbers begin after ``first``.
-    ``disk`` is the interface of the thread that writes to disk.
+    ``messages`` and ``size`` (bytes) bound what stands in memory. ``first``: what the numbers begin after.
+    ``disk`` is the side of it that the disk's thread works on.
     """
 
     def __init__(
@@ -41,20 +41,20 @@ class SpoolQueue:
         self._queues = self._contents.queues
         self._ages = [ages[kind] for kind in DURABLE]  # lists: a dictionary hashes an enumeration slowly
         self._seq = first
-        self._durable_from = float("-inf")  # since when other messages than replies may be sent
+        self._durable_from = float("-inf")  # when others than replies are sent
 
     @property
     def waiting(self) -> int:
-        """The number of waiting messages."""
+        """How many messages wait."""
         return self._contents.waiting
 
     @property
     def on_disk(self) -> int:
-        """The number of waiting messages that are on disk alone, or are being written there."""
+        """How many of them stand on disk alone, or are on their way there."""
         return self._contents.on_disk
 
     def put(self, message: Outgoing, now: float, wall: float) -> bool:
-        """Add a message; return False if there is no room, even after dropping less important ones."""
+        """Take a message; return False when it is larger, or matters less, than all there is room for."""
         age = self._ages[message.traffic]
         if message.expiry is not None:
             age = min(age, message.expiry)
@@ -72,7 +72,7 @@ class SpoolQueue:
         return True
 
     def _make_room(self, queue: TopicQueue, message: Outgoing, share: int, wall: float) -> bool:
-        """Drop older messages of the same or a lower class until a message fits; return whether it does."""
+        """Push out what is older and matters no more than a message of a queue; tell whether it fits then."""
         if not self._memory.can_fit(message, share):
             return False
         for oldest in self._memory.in_the_way(message, share):
@@ -82,7 +82,7 @@ class SpoolQueue:
         return True
 
     def take(self, now: float, *, window: int, reserve: int, size: int) -> list[Outgoing]:
-        """Remove and return the messages to send next, at most ``window`` messages and about ``size`` bytes.
+        """Remove and return what may be written next, at most ``window`` messages and about ``size`` bytes.
 
         The last ``reserve`` of the window are for replies.
         """
@@ -103,7 +103,7 @@ class SpoolQueue:
         return batch
 
     def _take(self, queue: TopicQueue, batch: list[Outgoing], most: int, size: int, now: float) -> int:
-        """Move messages of a topic queue into the batch; return their bytes."""
+        """Move messages of a queue into the batch; return their bytes."""
         taken = 0
         while queue.sendable and len(batch) < most and taken < size:
             message = queue.pop()
@@ -118,7 +118,7 @@ class SpoolQueue:
         return taken
 
     def settle(self, message: Outgoing, outcome: Outcome, now: float, wall: float) -> None:
-        """Apply the broker's acknowledgement of an in-flight message."""
+        """Take what the broker said of a message that was taken."""
         queue = self._queues[message.topic]
         queue.flying -= 1
         if outcome is _HELD:
@@ -134,7 +134,7 @@ class SpoolQueue:
             self._queues.forget(queue)
 
     def put_back(self, messages: Iterable[Outgoing]) -> None:
-        """Return the messages to the queue that were in flight when the connection ended, oldest first."""
+        """Take back messages, oldest first, that were under way when the connection ended."""
         oldest_first = list(messages)
         for message in reversed(oldest_first):
             queue = self._queues[message.topic]
@@ -144,7 +144,7 @@ class SpoolQueue:
             self._queues.stand(self._queues[message.topic])
 
     def go_online(self, now: float) -> None:
-        """Begin a new connection, on which no topic is known to have a subscriber yet."""
+        """Begin a new connection: nobody knows yet who hears."""
         self._queues.online = True
         self._durable_from = now + NEWEST_FIRST if self.waiting else now
         self._queues.holds.clear()
@@ -158,14 +158,14 @@ class SpoolQueue:
         self._queues.needs_fetch.clear()
 
     def tick(self, now: float, wall: float) -> None:
-        """Drop expired messages, and retry the held topics that are due."""
+        """Look after time: what is too old is dropped, what was held is tried again."""
         for message in self._memory.late(now):
             self._queues.forget(self._contents.lose(message, Reason.AGE, wall))
         for queue in self._queues.holds.due(now):
             self._queues.stand(queue)
 
     def close(self) -> None:
-        """Drop the messages in memory."""
+        """Drop what stands in memory."""
         for message in self._memory.all():
             self._memory.remove(message)
         self._contents.waiting = 0
@@ -177,19 +177,19 @@ class SpoolQueue:
 
     @property
     def idle(self) -> bool:
-        """True when no message could be sent now."""
+        """True when nothing could be sent now."""
         return not (any(self._queues.rings) or self._queues.needs_fetch)
 
     @property
     def held(self) -> int:
-        """The number of topics that are held for want of a subscriber."""
+        """How many topics wait for somebody to hear them."""
         return len(self._queues.holds)
 
     @property
     def unheard(self) -> int:
-        """The number of messages of held topics."""
+        """How many messages wait for somebody to hear their topics."""
         return self._queues.holds.messages
 
     def standing(self) -> dict[TrafficClass, ClassStatistics]:
-        """Return the statistics of the waiting messages by class."""
+        """Return what waits of each class."""
         return class_statistics(self._queues.values())
