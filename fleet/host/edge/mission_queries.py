@@ -1,4 +1,4 @@
-"""Answers to queries on the bus that show, start, rehearse and control missions and runs."""
+"""Queries on the bus of an edge's missions and runs: they show, start, rehearse and control them."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from fleet.missions.filling import mission_state
 from fleet.missions.report import ControlAsk, Controlled, StartAsk, Started, ended_state
 from fleet.missions.runs import Runs
 from fleet.missions.state import Head, Member
-from fleet.missions.store import About, Store, Told
+from fleet.missions.store import About, RunLogEntry, Store
 from fleet.model.command import Transport
 from fleet.runtime.decoding import decode_json
 
@@ -64,7 +64,7 @@ class MissionQueries:
     # -- missions ------------------------------------------------------------------------------------
 
     def _mission(self, question: Query) -> None:
-        """Handle a query of a mission; on the bus's thread."""
+        """Take a question for a mission; on the bus's thread."""
         name, do = question.asked.rpartition("/")[2], question.parameters.get("do")
         if do == "rehearsal":
             self._soon(partial(self._rehearsals.look, question))
@@ -91,14 +91,14 @@ class MissionQueries:
     def _answer_started(
         self, name: str, question: Query, run: str, roles: Mapping[str, Sequence[str]], refusal: str
     ) -> None:
-        """Answer with the started run and its robots, or the refusal."""
+        """Answer whether a run was started, with its robots."""
         started = Started(run, {role: list(robots) for role, robots in roles.items()}, refusal)
         question.answer(_encode(started), keys.mission(self._edge, name))
 
     # -- runs ----------------------------------------------------------------------------------------
 
     def _run(self, question: Query) -> None:
-        """Handle a query of a run; on the bus's thread."""
+        """Take a question for a run; on the bus's thread."""
         self._soon(partial(self._answer_run, question, question.asked.rpartition("/")[2]))
 
     def _answer_run(self, question: Query, run: str) -> None:
@@ -127,14 +127,14 @@ class MissionQueries:
         except Refused as error:
             told(str(error))
 
-    def _answer_story(self, question: Query, run: str, story: list[Told]) -> None:
-        """Answer with the log of a run; without one for a run of another edge."""
+    def _answer_story(self, question: Query, run: str, story: list[RunLogEntry]) -> None:
+        """Answer with a run's story; none of a run that is another edge's."""
         if story:
             question.reply(_encode(story), keys.run(self._edge, run))
         question.close()
 
     def _answer_states(self, question: Query, run: str) -> None:
-        """Answer with the states of the matching runs: running ones, then ended ones."""
+        """Answer with the states of runs that are wanted: those under way, then those that ended."""
         active = self._runs.states()
         for state in active:
             if "*" in run or state.run == run:
