@@ -1,8 +1,8 @@
-"""Who asks from a console, and what he may: told by the key, which access rules bind to the console.
+"""Identity and permission of a console's sender, taken from the query's key, which access rules bind.
 
-A question of a console has more of a key than that of a program: ``.../as/{permission}/{console}``. With
-``bus.access`` a console can use only keys with its own name and with permissions that it may give, so both
-hold whatever the console's own code does. Programs have no permissions: they may do what their role may.
+A console's query has a longer key than a program's: ``.../as/{permission}/{console}``. With ``bus.access`` a
+console can use only keys with its own name and with permissions that it may give, so both are true even if
+the console's own code is faulty. Programs have no permissions: their role alone decides.
 """
 
 from __future__ import annotations
@@ -19,14 +19,14 @@ _WORDS = {each.word: each for each in Permission}
 
 
 class ConsoleAsker(msgspec.Struct, frozen=True):
-    """A console by its identity (``keys.LOCAL`` without a certificate), and its person's permission."""
+    """A console's identity (``keys.LOCAL`` without a certificate) and the permission of its user."""
 
     console: str
     permission: Permission
 
 
 def console_asker(question: Query) -> ConsoleAsker | None:
-    """Return who asks from a console, None for a program; raises Refused for a malformed key."""
+    """Return the console behind a query, None for a program; raises Refused for a malformed key."""
     if not question.suffix:
         return None
     _, _, word, console = question.suffix.split("/")
@@ -37,7 +37,7 @@ def console_asker(question: Query) -> ConsoleAsker | None:
 
 
 def console_refusal(question: Query, needed: Permission) -> str:
-    """Return why a person at a console may not ask this; empty when he may, and for programs."""
+    """Return why a console's user may not ask this; empty when permitted, and for programs."""
     try:
         asker = console_asker(question)
     except Refused as error:
