@@ -1,4 +1,4 @@
-"""What is said of the actions of one robot, by their ids: each status, and the answer to a repeated id."""
+"""Statuses of one robot's actions by action id, and the answers to repeated ids."""
 
 from __future__ import annotations
 
@@ -18,16 +18,16 @@ KEPT = 64  # actions remembered, to answer a repeated action id with its last st
 
 
 class _Known(msgspec.Struct):
-    """What was said last of an action id, and to whom."""
+    """Latest status of an action id, and the receipt of its first request."""
 
     receipt: Receipt
     status: NavigationReport
 
 
 class ActionStatuses:
-    """The newest status of each action id, also of those that an earlier process took.
+    """Newest status of each action id, including actions of an earlier process.
 
-    ``publish`` tells a status; the end of an action is in the ``journal`` first.
+    ``publish`` sends a status; the end of an action is written to the ``journal`` before that.
     """
 
     def __init__(
@@ -39,17 +39,17 @@ class ActionStatuses:
         self._known = {past.identity: _known_of(past, clock.time()) for past in journal.past if past.action}
 
     def recall(self) -> None:
-        """Say how the actions ended that an earlier process did not see to their end; once, at the start."""
+        """Publish how the actions ended that an earlier process left unfinished; once, at the start."""
         for past in self._journal.past:
             if past.action and not past.outcome:
                 self.publish(self._known[past.identity].status)
 
     def knows(self, action_id: str) -> bool:
-        """Return True for the id of an action that was asked before."""
+        """Return True for an action id seen before."""
         return action_id in self._known
 
     def repeated(self, action_id: str, receipt: Receipt) -> bool:
-        """Say the last status and the answers again for an action id seen before; False for a new one."""
+        """Repeat the last status and the answers of a known action id; return False for a new one."""
         known = self._known.get(action_id)
         if known is None:
             return False
@@ -58,14 +58,14 @@ class ActionStatuses:
         return True
 
     def refuse(self, ask: Navigate, reason: str, receipt: Receipt) -> None:
-        """Say that an action failed before it began; a repeat of it is refused like it."""
+        """Report that an action failed before it started; a repeat gets the same refusal."""
         step, now = 0 if ask.of_mission else None, self._clock.time()
         status = NavigationReport(now, ask.action_id, ActionState.FAILED, 0.0, reason, step)
         self._tell(status)
         self.remember(status, receipt)
 
     def controlled(self, ask: Navigate, reply: Reply) -> None:
-        """Say how a control message ended, when it has an action id of its own and has ended."""
+        """Report the end of a control message that has an action id of its own."""
         if reply.done is None or not ask.action_id or self.knows(ask.action_id):
             return
         state, percent = (ActionState.COMPLETED, 100.0) if reply.done else (ActionState.FAILED, 0.0)
@@ -75,7 +75,7 @@ class ActionStatuses:
         self._tell(NavigationReport(self._clock.time(), ask.action_id, state, percent, reply.reason, step))
 
     def publish(self, status: NavigationReport) -> None:
-        """Say a status, and keep it for repeats of its id."""
+        """Publish a status and keep it for repeats of its id."""
         known = self._known.get(status.action_id)
         if known is not None:
             known.status = status
@@ -84,7 +84,7 @@ class ActionStatuses:
         self._tell(status)
 
     def remember(self, status: NavigationReport, receipt: Receipt) -> None:
-        """Keep an action for repeats of its id."""
+        """Keep an action for repeats of its id; the oldest beyond ``KEPT`` is dropped."""
         if not status.action_id:
             return
         self._known[status.action_id] = _Known(receipt, status)
@@ -93,7 +93,7 @@ class ActionStatuses:
 
 
 def _known_of(past: PastCommand, now: float) -> _Known:
-    """Return what is known of an action of an earlier process; one that was cut off has failed."""
+    """Return the record of an action of an earlier process; an interrupted one has failed."""
     state = ActionState(past.outcome) if past.outcome else ActionState.FAILED
     progress = 100.0 if state is ActionState.COMPLETED else 0.0
     return _Known(answer_to(past), NavigationReport(now, past.identity, state, progress, past.verdict))
