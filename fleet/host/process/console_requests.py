@@ -1,6 +1,7 @@
-"""Requests from consoles to the robots of a process: the permission is checked here again, by the edge.
+"""Permissions of console requests to the robots of a process, checked again by the edge.
 
-The console has checked it before. But its process, and whoever has its certificate, are not this edge.
+The console has checked them already, but its process, and any holder of its certificate, are outside this
+edge.
 """
 
 from __future__ import annotations
@@ -24,17 +25,18 @@ log = logging.getLogger(__name__)
 
 
 class ConsoleRequests:
-    """Judges requests of consoles; ``proven`` are those whose certificates the bus checks by name."""
+    """Judges requests of consoles; ``proven``: consoles whose certificates the bus checks by name."""
 
     def __init__(self, proven: Collection[str], clock: Clock) -> None:
         self._proven = proven
         self._refused = RateLimitedCounter(log, clock)
 
     def refusal(self, robot: LocalRobot, kind: Kind, question: Query, way: Transport) -> Reply | None:
-        """Return the answer to a request that is refused; None for one that may go on, as a program's may.
+        """Return the reply to a request that is refused; None for one that may go on.
 
-        ``way``: as it will be read. A stop needs no permission. What cannot be read here is refused to who
-        may not operate: the robot reads it once more, and may know more by then.
+        ``way`` is the transport with which it will be decoded. A stop needs no permission. A message that
+        cannot be decoded here is refused to users who may not operate; for others the robot decodes it again,
+        and may know more by then.
         """
         if not question.suffix:
             return None
@@ -52,8 +54,8 @@ class ConsoleRequests:
         return Reply(ask.name if ask else kind, ReplyStatus.REJECTED, why)
 
     def is_proven(self, question: Query) -> bool:
-        """Return whether the name of the person who asks is known to be true: a known console tells it."""
-        with contextlib.suppress(Refused):  # of a malformed key; a stop that comes by one is a stop
+        """Return whether the user's name is proven: a console with a known certificate vouches for it."""
+        with contextlib.suppress(Refused):  # a malformed key; a stop with it is still a stop
             asker = console_asker(question)
             return asker is not None and asker.console in self._proven
         return False
