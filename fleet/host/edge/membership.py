@@ -1,7 +1,7 @@
-"""Robots that are added to a running edge, or taken out of it; all or none of each.
+"""Adds robots to a running edge and removes them, each completely or not at all.
 
-What an edge keeps of its robots is in several places: missions, the bridge to the cloud, claims, stop inputs.
-``Membership`` tells all of them, and takes back what was done when one of them fails.
+Several parts of an edge know its robots: missions, the bridge to the cloud, claims, stop inputs.
+``Membership`` informs all of them, and undoes a change in which one of them fails.
 """
 
 from __future__ import annotations
@@ -37,11 +37,11 @@ from fleet.model.command import Transport
 
 log = logging.getLogger(__name__)
 
-LEAVES_WITHIN = 5.0  # s for the runs of missions to let go of a robot
+LEAVES_WITHIN = 5.0  # s for the runs of missions to release a robot
 
 
 class Followers:
-    """All that has a part of its own for each robot of one edge; on the loop."""
+    """All parts of one edge that hold data per robot; on the event loop."""
 
     def __init__(
         self,
@@ -59,7 +59,7 @@ class Followers:
         self._bridge, self._presence, self._cloud = bridge, presence, cloud
 
     def join(self, robot: LocalRobot | RemoteRobot) -> None:
-        """Have one more robot; before it is run."""
+        """Add a robot; before it is run."""
         if isinstance(robot, LocalRobot):
             self._stop_inputs.join(robot.name, robot.controller.latch)
         else:
@@ -73,7 +73,7 @@ class Followers:
             self._presence.leave_words()
 
     def leave(self, robot: LocalRobot | RemoteRobot) -> None:
-        """Have a robot no more, whose run has ended; what fails keeps no other part from it."""
+        """Remove a robot whose run has ended; a failure of one part does not stop the others."""
         name, twin = robot.name, robot.twin
         parts: list[Callable[[], None]] = [partial(self._missions.leave, name)]
         parts += [partial(part.leave, twin) for part in (self._notifier, self._cloud_claims)]
@@ -87,10 +87,10 @@ class Followers:
 
 
 class Membership:
-    """The robots of one edge; on the loop.
+    """Robots of one edge; on the event loop.
 
-    All methods return why nothing was changed, empty when it was done. The stops of ``meanwhile`` are set in
-    each robot that was built, ahead of all that can move it.
+    All methods return why nothing was changed, empty on success. The stops recorded by ``meanwhile`` are set
+    in each new robot before anything can move it.
     """
 
     def __init__(
@@ -102,15 +102,15 @@ class Membership:
     ) -> None:
         self._process, self._followers, self._meanwhile = process, followers, meanwhile
         self._workers = workers
-        self._taken_out: dict[str, str] = {}  # the names of robots that were, by twin
+        self._taken_out: dict[str, str] = {}  # twin to name of robots removed earlier
 
     def hindrance(self, name: str) -> str:
-        """Return why a robot of the edge cannot be taken out now; empty when it rests."""
+        """Return why a robot of the edge cannot be removed now; empty when it is at rest."""
         here = self._process.robots.get(name)
         return not_resting(here) if here is not None else self._workers.hindrance(name)
 
     async def add(self, name: str, running: Loaded, loaded: Loaded) -> str:
-        """Add a robot of a loaded file to those that run."""
+        """Add a robot of a loaded file to the running ones."""
         if runs_in(loaded, name):
             return await self._added_elsewhere(name, running, loaded)
         try:
@@ -151,7 +151,7 @@ class Membership:
         return trouble
 
     async def _stop_before(self, name: str, twin: str) -> str:
-        """Return the stop of a robot that was taken out and comes back under another name; else empty."""
+        """Return the stop of a removed robot that comes back under another name; else empty."""
         before = self._taken_out.get(twin, name)
         if before == name:
             return ""
@@ -161,13 +161,13 @@ class Membership:
         return why
 
     async def remove(self, name: str, running: Loaded, *, force: bool) -> str:
-        """Bring a robot to a standstill and take it out."""
+        """Bring a robot to a standstill and remove it."""
         elsewhere = self._workers.robot(name)
         if elsewhere is not None:
             return await self._removed_elsewhere(elsewhere, running, force=force)
         robot = self._process.robots[name]
         trouble = await self.leaves_runs(robot) or await ended(self._process, robot)
-        if trouble:  # it is not run again: two adapters would move one robot
+        if trouble:  # not run again: two adapters would move one robot
             return trouble
         if robot.controller.may_be_moving:
             self._process.runs.resume(robot)
@@ -176,7 +176,7 @@ class Membership:
         return ""
 
     async def _removed_elsewhere(self, robot: RemoteRobot, running: Loaded, *, force: bool) -> str:
-        """Take a robot out of its worker."""
+        """Remove a robot from its worker."""
         trouble = await self.leaves_runs(robot)
         trouble = trouble or await self._workers.remove(robot.name, running, force=force)
         if trouble:
@@ -187,14 +187,14 @@ class Membership:
         return trouble
 
     async def _keep_stop(self, robot: RemoteRobot) -> None:
-        """Keep a stop of a robot that is gone, if its worker has not heard it any more."""
+        """Record the stop of a removed robot, if its worker has not confirmed it."""
         self._meanwhile.pass_on(robot)
         if robot.unheard:
             journal = await asyncio.to_thread(self._process.journal.robot, robot.name)
             journal.latch(robot.unheard)
 
     async def _built(self, name: str, loaded: Loaded) -> LocalRobot:
-        """Build a robot of a loaded file; raises whatever its adapter raises."""
+        """Build a robot of a loaded file; raises the errors of its adapter."""
         spec = await asyncio.to_thread(_spec_of, loaded, name)
         journal = await asyncio.to_thread(self._process.journal.robot, name)
         try:
@@ -205,18 +205,18 @@ class Membership:
             raise
 
     def _let_go(self, robot: LocalRobot) -> None:
-        """Forget a robot everywhere; its stop is kept by its name, which its twin leads to."""
+        """Remove a robot everywhere; its stop is kept under its name, found by its twin."""
         self._taken_out[robot.twin] = robot.name
         drop, give_up = partial(self._process.drop, robot), partial(self._process.give_up, robot.twin)
         let_go(robot.name, partial(self._followers.leave, robot), drop, give_up)
 
     def _let_go_elsewhere(self, robot: RemoteRobot) -> None:
-        """Forget a robot of a worker everywhere, as one of the edge's process."""
+        """Remove a robot of a worker everywhere, like one of the edge's process."""
         self._taken_out[robot.twin] = robot.name
         let_go(robot.name, partial(self._followers.leave, robot), partial(self._workers.forget, robot))
 
     async def leaves_runs(self, robot: LocalRobot | RemoteRobot) -> str:
-        """Take a robot out of the runs of missions; return which does not let go of it."""
+        """Take a robot out of the runs of missions; return which do not release it."""
         for run in self._followers.runs_with(robot.name):
             message = {"command": LEAVE, "data": {"run": run}, "session_id": "fleet apply"}
             take = robot.read("command", msgspec.json.encode(message), way=Transport.MISSION)
@@ -228,7 +228,7 @@ class Membership:
 
 
 def let_go(name: str, *parts: Callable[[], None]) -> None:
-    """Have every part forget a robot that is not run any more; one that fails keeps no other from it."""
+    """Remove a robot that is no longer run from every part; a failure of one does not stop the others."""
     for part in parts:
         try:
             part()
@@ -237,6 +237,6 @@ def let_go(name: str, *parts: Callable[[], None]) -> None:
 
 
 def _spec_of(loaded: Loaded, name: str) -> RobotSpec:
-    """Return a robot of a loaded file that runs in the edge's process, its adapter imported; blocks."""
+    """Return the spec of a robot in the edge's process, with its adapter imported; blocks."""
     task = next(task for task in robot_tasks(loaded, "") if task.name == name)
     return Importer(loaded.folder, loaded.registry).spec(task)
