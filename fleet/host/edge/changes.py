@@ -158,7 +158,7 @@ class Changes:
         await self._keep()
         return ChangesAnswer(changes, file)
 
-    # -- what would be done ----------------------------------------------------------------------------
+    # -- dry run ---------------------------------------------------------------------------------------
 
     def _hindrance(self, change: Change, new: Loaded) -> str:
         """Return why a robot or a section cannot be changed now; empty when it can."""
@@ -183,7 +183,7 @@ class Changes:
         runs = ", ".join(self._followers.runs_with(name))
         return self._membership.hindrance(name) or (runs and f"{name} is in run {runs}")
 
-    # -- doing it --------------------------------------------------------------------------------------
+    # -- application -----------------------------------------------------------------------------------
 
     async def _apply(self, found: Iterable[Change], new: Loaded, asked: ChangesAsked) -> tuple[Change, ...]:
         """Apply the changes, one robot or worker after the other."""

@@ -134,7 +134,7 @@ class Standby:
         await asyncio.gather(*tasks, return_exceptions=True)
         await asyncio.to_thread(self._keeper.close)
 
-    # -- the keeper's words, on its thread -------------------------------------------------------------
+    # -- calls of the keeper, on its thread ------------------------------------------------------------
 
     def stops(self) -> dict[str, str]:
         """Return the robots whose emergency stop is set, with its cause."""

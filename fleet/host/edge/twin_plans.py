@@ -321,7 +321,7 @@ def status_of(state: RunState) -> tuple[ActionState, str]:
 
 
 def pilots(program: Program, members: Iterable[Member]) -> list[str]:
-    """Return the robots that fly a plan of their autopilot in a program."""
+    """Return the robots that fly a plan from their autopilot's memory in a program."""
     found = []
     for member in members:
         acts = (

@@ -1,4 +1,4 @@
-"""Guides a robot without navigation of its own to goals: its newest pose in, 20 velocities a second out."""
+"""Goal follower for robots without their own navigation: newest pose in, 20 velocities a second out."""
 
 from __future__ import annotations
 

@@ -174,7 +174,7 @@ class LegFollower:
         FollowPhase.DONE: _stand,
     }
 
-    # -- what they use ---------------------------------------------------------------------------------
+    # -- helpers ---------------------------------------------------------------------------------------
 
     def _enter(self, phase: FollowPhase, now: float) -> Velocity:
         """Enter a phase; its velocity starts with its next step."""

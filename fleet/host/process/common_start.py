@@ -117,7 +117,7 @@ class CommonStarts:
         question.reply(msgspec.json.encode(answer))
         question.close()
 
-    # -- to prepare ------------------------------------------------------------------------------------
+    # -- preparation -----------------------------------------------------------------------------------
 
     def _begin_to_prepare(self, robot: LocalRobot, question: Query) -> None:
         """Prepare a robot in a new task, since the robot itself may be asked."""
@@ -222,7 +222,7 @@ class CommonStarts:
             stamp = None if one.ask.stamp is None else one.stamp
             one.robot.begin(msgspec.structs.replace(one.ask, stamp=stamp), one.receipt)
 
-    # -- what ends it ----------------------------------------------------------------------------------
+    # -- cancellation ----------------------------------------------------------------------------------
 
     def _shows(self, start: str, alive: bool) -> None:  # noqa: FBT001 - by position
         """Record whether a start's sender is present; without it nothing of the start remains."""

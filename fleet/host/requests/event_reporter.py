@@ -66,7 +66,7 @@ class EventReporter:
         self._in_motion = in_motion
         self._ask: Ask | None = None  # request for which it moves, or moved last
         self._ended = float("-inf")
-        self.heard: Callable[[str], None] = lambda _why: None  # called at each change of motion by others
+        self.heard: Callable[[str], None] = lambda _why: None  # when anything moves or stops it
 
     def moves(self, ask: Ask) -> None:
         """Record the request for which the robot moves from now on."""

@@ -106,7 +106,7 @@ class MotionGuard:
             self.apart.configure(config, limits)
         self._look()
 
-    # -- what the robot tells ------------------------------------------------------------------------
+    # -- reports of the robot ------------------------------------------------------------------------
 
     def see(self, report: Report) -> None:
         """Process a report; a pose out of bounds and a low battery have consequences."""
@@ -128,7 +128,7 @@ class MotionGuard:
                 pass
 
     def circles(self, radius: float) -> None:
-        """Set the circling radius at the end of a task, m; 0: the robot hovers."""
+        """Set the circling radius at the end of a task, m; 0: the robot stands."""
         self._circle = radius
         if self.apart is not None:
             self.apart.circle = radius
@@ -184,7 +184,7 @@ class MotionGuard:
         forced = self._battery.forced if self._battery is not None else ""
         return forced or (self.apart.cause if self.apart is not None else "")
 
-    # -- what may be asked of it ---------------------------------------------------------------------
+    # -- checks of requests --------------------------------------------------------------------------
 
     def beginning(self, ask: Command) -> str | None:
         """Return why a command may not start a flight or change the height; else None."""

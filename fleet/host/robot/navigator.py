@@ -137,7 +137,7 @@ class Navigator:
         """Run the navigator's iteration and turn its end into the terminal status."""
         action.move(ActionState.RUNNING)
         try:
-            way = self._asked.origin.way if self._asked.is_command else ""  # other actions end by status
+            way = self._asked.origin.way if self._asked.is_command else ""  # others only get a status
             self._journal.note(action.id, self._asked.name, action=True, way=way)
             await self._ready()
             await guarded(lambda: self._follow(who, action))

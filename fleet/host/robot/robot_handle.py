@@ -119,7 +119,7 @@ class RobotHandle:
             self._lacking.update(reasons)
 
     def circles(self, radius: float) -> None:
-        """Set the radius in metres at which the robot circles at the end of a task; 0: it hovers."""
+        """Set the radius in metres at which the robot circles at the end of a task; 0: it stands."""
         if not math.isfinite(radius) or radius < 0.0:
             raise ValueError(f"{radius} m is no radius of a circle")
         if not self._closed:

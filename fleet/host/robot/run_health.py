@@ -50,7 +50,7 @@ class RunHealth:
         self._tell()
 
     def _tell(self) -> None:
-        """Log the health: a new level as a warning, its repeats and the steps of a start as information."""
+        """Log the health: a new level from degraded up as a warning, everything else as information."""
         level, cause = self.now.level, self.now.cause
         is_new = level is not self._told and self._start is None
         loud = is_new and level >= Level.DEGRADED

@@ -198,7 +198,7 @@ class SeparationKeeper:
         """True when the robot is placed and there are others."""
         return self.placement is not None and not self.others.alone
 
-    # -- where it is -----------------------------------------------------------------------------------
+    # -- position --------------------------------------------------------------------------------------
 
     def world_is(self, world: GeoOrigin | None) -> None:
         """Place the robot by the geodetic origin of its world; None while that is unknown."""
@@ -281,7 +281,7 @@ class SeparationKeeper:
         assert self.placement is not None
         return tuple(map(self.placement.to_site, points))
 
-    # -- what may be asked of it -----------------------------------------------------------------------
+    # -- checks of requests ----------------------------------------------------------------------------
 
     def task_trouble(self, task: AnyTask, points: Sequence[Vector3]) -> str:
         """Return why the robot may not be sent through these points of its world; empty when it may."""
@@ -343,7 +343,7 @@ class SeparationKeeper:
         if self._share < 1.0:
             self._notice.say("slowed" if self._share else "held", robot, whose)
 
-    # -- as it moves -----------------------------------------------------------------------------------
+    # -- during motion ---------------------------------------------------------------------------------
 
     def look(self) -> None:
         """Check the robots nearby while this edge moves the robot; slow it, or end its motion."""

@@ -26,7 +26,7 @@ def write_halt(adapter: Adapter[Any] | None, name: str, *, emergency: bool) -> N
 
 
 def what_was_written(adapter: Adapter[Any] | None, *, heard: bool) -> str:
-    """Return whether the halt of an unreachable robot was written; ``heard``: since its adapter started."""
+    """Return text on the halt of an unreachable robot; ``heard``: it was heard since its adapter began."""
     if adapter is None:
         return "the stop was not written: no link to it is open"
     if not heard:

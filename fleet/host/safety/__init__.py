@@ -1,1 +1,1 @@
-"""Rules for who may move a robot, when, and how far: pure functions and state machines without a clock."""
+"""Rules for who may move a robot, when, and how far: pure functions and state machines."""

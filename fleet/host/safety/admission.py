@@ -41,7 +41,7 @@ class Admission:
         self._let_go = StickReleaseInterlock(config.setpoint_lease)
         self.configure(config)
 
-    def configure(self, config: AdapterConfig, limits: Limits | None = None) -> None:  # noqa: ARG002 - of others
+    def configure(self, config: AdapterConfig, limits: Limits | None = None) -> None:  # noqa: ARG002 - shared signature
         """Apply a changed configuration; recorded stops and sender clocks stay."""
         self._max_age, self._command_max_age = config.max_age, config.command_max_age
         self._policy = SourcePolicy(config.accepts, simulated=config.simulated)

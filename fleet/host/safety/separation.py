@@ -38,7 +38,7 @@ class Occupant(msgspec.Struct, frozen=True):
     ``way`` is its path from ``at`` on, given by the host or its autopilot; empty when it stands or is driven.
     ``velocity`` (m/s) is measured, ``asked`` is requested and turns with ``turn`` (rad/s).
     ``braking`` is the deceleration (m/s2) that it surely reaches.
-    ``age`` is seconds since its last position. ``moves``: this edge moves it. Of two that are in each
+    ``age`` is seconds since its last position. ``moves``: its edge moves it. Of two that are in each
     other's way the one with the lower ``precedence`` gives way; of equals, the later name.
     """
 
