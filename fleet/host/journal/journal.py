@@ -36,6 +36,7 @@ GATHER = 0.05
 for the interpreter just when the command is on its way to the robot."""
 LONGEST = 1 << 22
 """Bytes of commands that are kept in memory while the disk takes none."""
+RETRY = 1.0  # s between attempts to write stops that the disk did not take
 REMEMBERED = 3600.0  # s that a command is kept; an older one is refused for its age
 LOST = "the journal could not be read or written, so nobody knows whether a stop was set"
 
@@ -196,6 +197,7 @@ class Journal:
         self._set: dict[str, str] = {}  # robot to cause: the emergency stops that are set
         self._begun = self._open_begun(begun)
         self._waiting: deque[Change] = deque()
+        self._unwritten: dict[str, str] = {}  # stops and releases that the database does not have yet
         self._closing = threading.Event()
         self._using = threading.Lock()  # one thread at a time: a reader would delay a writer
         self._database = self._open_database(folder)
@@ -338,12 +340,14 @@ class Journal:
 
     def _write(self) -> None:
         """Thread: write everything that waits in one commit."""
-        closing = False
+        closing, retry_at = False, 0.0
         while not closing:
             closing = self._closing.wait(GATHER)
             changes = [self._waiting.popleft() for _ in range(len(self._waiting))]
-            if changes:
+            # A stop must get to disk even if no command follows: a reboot empties the execution journal.
+            if changes or (self._unwritten and (closing or self._clock.monotonic() >= retry_at)):
                 self._keep(changes)
+                retry_at = self._clock.monotonic() + RETRY
             self._also()
 
     def _keep(self, changes: Sequence[Change]) -> None:
@@ -364,6 +368,7 @@ class Journal:
         if self._database is None:
             return
         total = _Sum(changes)
+        self._unwritten |= total.latches
         try:
             self._database.execute("BEGIN IMMEDIATE")
             self._database.executemany(_END, map(msgspec.structs.astuple, total.ended))
@@ -372,9 +377,10 @@ class Journal:
                 rows = begun[start : start + _AT_ONCE]
                 values = itertools.chain.from_iterable(rows)
                 self._database.execute(_BEGIN + ", ".join([_ROW] * len(rows)), tuple(values))
-            self._database.executemany(_LATCH, total.latches.items())
+            self._database.executemany(_LATCH, self._unwritten.items())
             self._database.execute(_FORGET, (self._clock.time() - REMEMBERED,))
             self._database.execute("COMMIT")
+            self._unwritten = {}
             self.problem = ""
         except sqlite3.Error as error:
             with contextlib.suppress(sqlite3.Error):

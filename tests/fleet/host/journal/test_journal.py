@@ -17,7 +17,7 @@ from hypothesis import strategies as st
 
 from fleet.history.store import HISTORY, History
 from fleet.host.journal.execution_journal import SIZE, ExecutionJournal, Latched, Started
-from fleet.host.journal.journal import LOST, REMEMBERED, CommandEnd, Journal
+from fleet.host.journal.journal import LOST, REMEMBERED, RETRY, CommandEnd, Journal
 from fleet.model.command import Origin, ReplyStatus, Transport
 from fleet.model.geometry import Vector3
 from fleet.model.navigation import Navigate, RelativeMove
@@ -584,3 +584,19 @@ def latches(folder):
     """Return what another process finds on the disk of the stops that are set."""
     with contextlib.closing(sqlite3.connect(folder / JOURNAL)) as database:
         return database.execute("SELECT robot, why FROM latch").fetchall()
+
+
+def test_a_stop_that_a_full_disk_did_not_take_is_written_once_there_is_room_though_nothing_follows(
+    tmp_path, clock, opened
+):
+    journal = opened()
+    rex = journal.robot("rex")
+    journal._database.execute("PRAGMA max_page_count = 1")
+    rex.latch("x" * 100_000)
+    wait_until("the trouble is told", lambda: "full" in journal.problem)
+    with journal._using:
+        journal._database.execute("PRAGMA max_page_count = 100000")
+    clock.advance(RETRY)
+    wait_until("the disk takes it", lambda: not journal.problem)
+    with contextlib.closing(sqlite3.connect(tmp_path / JOURNAL)) as disk:
+        assert disk.execute("SELECT robot FROM latch WHERE why <> ''").fetchall() == [("rex",)]
