@@ -141,7 +141,9 @@ class AgeCheck:
         self, session: str, stamp: float, since: float, *, ordered: bool, moves: bool
     ) -> str | None:
         """Return the refusal of a message that may be from before a stop that arrived after ``since``."""
-        own, last = self._sessions[session].stop, self._last_stop
+        last = self._last_stop
+        # The sender's own record may have been evicted since, by many other senders.
+        own = last if last.by == session else self._sessions[session].stop
         if stamp < own.stamp and own.at >= since and (moves or not own.shared):
             return "asked before a stop that came before it"
         decided = last.by == session and not (last.shared and ordered)
