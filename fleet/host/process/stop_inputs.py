@@ -195,6 +195,7 @@ class StopInputs:
     ) -> None:
         self._here = here
         self._elsewhere = elsewhere
+        self._holding = threading.Lock()  # a thread must not overwrite a newer hold with an older one
         self._inputs: list[tuple[StopInput, tuple[str, ...]]] = []  # groups are resolved once
         for config in inputs:
             names = _names(config, groups)
@@ -241,8 +242,9 @@ class StopInputs:
 
     def _hold_all(self) -> None:
         """Hold or free the robots of this process, by the present state of all inputs."""
-        for robot, latch in list(self._here.items()):
-            latch.held = self._why(robot)
+        with self._holding:
+            for robot, latch in list(self._here.items()):
+                latch.held = self._why(robot)
 
     def _why(self, robot: str) -> str:
         """Return why a robot cannot be released; empty when it can."""
