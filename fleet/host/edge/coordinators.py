@@ -58,7 +58,10 @@ class Coordinators:
     def look(self) -> None:
         """Make robots safe whose leases have lapsed; on the event loop."""
         for lapsed in self._leases.lapsed(self._clock.monotonic()):
-            self._secure(lapsed)
+            try:
+                self._secure(lapsed)
+            except Exception:  # each lapsed lease is reported only once, and an error would end the timer
+                log.exception("%s could not be made safe", lapsed.robot)
 
     def _asked(self, question: Query) -> None:
         """Receive a request for a lease; on the bus's thread."""
@@ -97,7 +100,9 @@ class Coordinators:
 
     def _secure(self, lapsed: Lapsed) -> None:
         """Make a robot safe whose coordinator is silent; one that has left the run is not touched."""
-        robot = self._robots[lapsed.robot]
+        robot = self._robots.get(lapsed.robot)
+        if robot is None:  # it was removed from this edge meanwhile
+            return
         state = robot.state()
         if state.run != lapsed.run:
             return

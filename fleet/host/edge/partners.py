@@ -19,6 +19,7 @@ from fleet.bus.zenoh_session import ZenohSession
 from fleet.clock import Clock
 from fleet.config.other_edges import PartnerConfig
 from fleet.errors import WireError
+from fleet.host.runtime.threads import HALT_WAIT, run_in_thread
 from fleet.host.safety.admission import JOIN, LEAVE
 from fleet.host.workers.remote_robot import SILENT_AFTER, ask_robot
 from fleet.missions.coordination import RENEWED_EVERY, LeaseAnswer, LeaseAsk
@@ -129,15 +130,25 @@ class Partners:
             every(RENEWED_EVERY, self.renew)
 
     def stop(self, names: Iterable[str]) -> tuple[str, ...]:
-        """Set the emergency stop of the partners' robots among them; return the others."""
+        """Set the emergency stop of the partners' robots among them; return the others.
+
+        On other threads: a congested session must not delay the stops of our own robots.
+        """
         ours = []
         for name in names:
             robot = self.robots.get(name)
             if robot is None:
                 ours.append(name)
             else:
-                self._control.put(keys.stop(robot.edge), msgspec.json.encode([name]), urgent=True)
+                run_in_thread(partial(self._put_stop, robot), wait=HALT_WAIT)
         return tuple(ours)
+
+    def _put_stop(self, robot: PartnerRobot) -> None:
+        """Send one stop; waits while the session is congested. Never raises."""
+        try:
+            self._control.put(keys.stop(robot.edge), msgspec.json.encode([robot.name]), urgent=True)
+        except Exception:
+            log.exception("the emergency stop of %s was not sent", robot.name)
 
     def renew(self) -> None:
         """Renew the leases of the runs in progress; on the event loop."""
