@@ -25,9 +25,9 @@ from fleet.errors import FleetError, StateError
 from fleet.host.edge.changes_elsewhere import ChangesElsewhere, ended, waits
 from fleet.host.edge.last_configuration import keep
 from fleet.host.edge.member_rules import groups_hindrance, unfit
-from fleet.host.edge.membership import Followers, Membership
+from fleet.host.edge.membership import Membership, RobotRegistrations
 from fleet.host.edge.shown_configuration import shown_configuration
-from fleet.host.edge.stops_meanwhile import StopsMeanwhile
+from fleet.host.edge.stops_during_change import StopsDuringChange
 from fleet.host.edge.worker_members import WorkerMembership
 from fleet.host.process.rebuild import hold, rebuild, take_over
 from fleet.host.process.robot_process import RobotProcess
@@ -75,7 +75,7 @@ class Changes:
         folder: Path,
         configured: Iterable[Callable[[Loaded], None]],
         hindrance: Callable[[str], str],
-        followers: Followers,
+        followers: RobotRegistrations,
         members: WorkerMembership,
         groups: dict[str, list[str]],
     ) -> None:
@@ -83,9 +83,9 @@ class Changes:
         self._process, self._remote, self._workers = process, remote, workers
         self._folder, self._configured = folder, tuple(configured)
         self._section_hindrance = hindrance
-        self._meanwhile = StopsMeanwhile(process)
-        self._membership = Membership(process, followers, self._meanwhile, members)
-        self._followers, self._groups = followers, groups
+        self._stops = StopsDuringChange(process)
+        self._membership = Membership(process, followers, self._stops, members)
+        self._registrations, self._groups = followers, groups
         self._wider: Mapping[str, Iterable[str]] = {}  # groups of a new file that is not applied yet
         self._elsewhere = ChangesElsewhere(workers, remote)
         self._clock: Clock = process.clock
@@ -180,7 +180,7 @@ class Changes:
         why = unfit(self._running, new.config, name if added else "")
         if why or added or force:
             return why
-        runs = ", ".join(self._followers.runs_with(name))
+        runs = ", ".join(self._registrations.runs_with(name))
         return self._membership.hindrance(name) or (runs and f"{name} is in run {runs}")
 
     # -- application -----------------------------------------------------------------------------------
@@ -188,11 +188,11 @@ class Changes:
     async def _apply(self, found: Iterable[Change], new: Loaded, asked: ChangesAsked) -> tuple[Change, ...]:
         """Apply the changes, one robot or worker after the other."""
         await self._widen(new.config.members)
-        self._meanwhile.begin(self._groups)
+        self._stops.begin(self._groups)
         try:
             return await self._carried_out(found, new, asked)
         finally:
-            self._meanwhile.end()
+            self._stops.end()
 
     async def _carried_out(
         self, found: Iterable[Change], new: Loaded, asked: ChangesAsked

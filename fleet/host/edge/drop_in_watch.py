@@ -61,7 +61,7 @@ class DropInWatch:
         self._in_use = dict(self._seen)
         self._told: dict[WatchedFile, str] = {}
         self._looks = 0
-        self._again: dict[WatchedFile, _Again] = {}
+        self._again: dict[WatchedFile, _NextAttempt] = {}
 
     async def run(self) -> None:
         """Check until cancelled."""
@@ -96,7 +96,7 @@ class DropInWatch:
             self._in_use[file] = stamp
         elif not waits:
             pause = min(2 * self._again[file].pause, LONGEST) if file in self._again else FIRST
-            self._again[file] = _Again(pause, self._looks + pause)
+            self._again[file] = _NextAttempt(pause, self._looks + pause)
 
     async def _asked(self, file: WatchedFile) -> str:
         """Ask a worker; return why it does not reload the file, or cannot be asked."""
@@ -107,7 +107,7 @@ class DropInWatch:
             return f"worker {file.worker} could not be asked: {type(error).__name__}: {error}"
 
 
-class _Again(msgspec.Struct, frozen=True):
+class _NextAttempt(msgspec.Struct, frozen=True):
     """Next attempt for a worker that refused, and the interval before it, in checks."""
 
     pause: int

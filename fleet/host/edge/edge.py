@@ -26,7 +26,7 @@ from fleet.host.edge.changes import Changes
 from fleet.host.edge.cloud_claims import CloudClaims
 from fleet.host.edge.cloud_presence import CloudPresence
 from fleet.host.edge.drop_in_watch import DropInWatch, watched_files
-from fleet.host.edge.membership import Followers
+from fleet.host.edge.membership import RobotRegistrations
 from fleet.host.edge.metrics_port import MetricsPort
 from fleet.host.edge.missions import Missions
 from fleet.host.edge.notifier import Notifier
@@ -180,7 +180,7 @@ class Edge:
             hindrance=self.missions.hindrance,
             members=WorkerMembership(self.process, self._remote_robots, self._workers, workers),
             groups=self._groups,
-            followers=Followers(
+            followers=RobotRegistrations(
                 self.missions,
                 self._stop_inputs,
                 self.cloud_claims,

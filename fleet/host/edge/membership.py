@@ -21,7 +21,7 @@ from fleet.host.edge.cloud_presence import CloudPresence
 from fleet.host.edge.member_rules import runs_in
 from fleet.host.edge.missions import Missions
 from fleet.host.edge.notifier import Notifier
-from fleet.host.edge.stops_meanwhile import StopsMeanwhile
+from fleet.host.edge.stops_during_change import StopsDuringChange
 from fleet.host.edge.worker_members import WorkerMembership
 from fleet.host.process.component_settings import bridge_rules
 from fleet.host.process.rebuild import ended, seen
@@ -40,7 +40,7 @@ log = logging.getLogger(__name__)
 LEAVES_WITHIN = 5.0  # s for the runs of missions to release a robot
 
 
-class Followers:
+class RobotRegistrations:
     """All parts of one edge that hold data per robot; on the event loop."""
 
     def __init__(
@@ -96,11 +96,11 @@ class Membership:
     def __init__(
         self,
         process: RobotProcess,
-        followers: Followers,
-        meanwhile: StopsMeanwhile,
+        followers: RobotRegistrations,
+        meanwhile: StopsDuringChange,
         workers: WorkerMembership,
     ) -> None:
-        self._process, self._followers, self._meanwhile = process, followers, meanwhile
+        self._process, self._registrations, self._stops = process, followers, meanwhile
         self._workers = workers
         self._taken_out: dict[str, str] = {}  # twin to name of robots removed earlier
 
@@ -121,9 +121,9 @@ class Membership:
         if why := await self._stop_before(name, robot.twin):
             robot.controller.latch.engage(why)
             robot.controller.latch.record()
-        self._meanwhile.engage(robot)
+        self._stops.engage(robot)
         try:
-            self._followers.join(robot)
+            self._registrations.join(robot)
             self._process.serve(robot)
         except Exception as error:
             log.exception("%s cannot be added", name)
@@ -139,15 +139,15 @@ class Membership:
         def join(robot: RemoteRobot) -> None:
             if why:
                 robot.stop_later(local_cause("", why))
-            self._meanwhile.pass_on(robot)
-            self._followers.join(robot)
+            self._stops.pass_on(robot)
+            self._registrations.join(robot)
 
         trouble = await self._workers.add(name, running, loaded, join)
         robot = self._workers.robot(name)
         if trouble and robot is not None:
             self._let_go_elsewhere(robot)
         elif robot is not None:
-            self._meanwhile.pass_on(robot)
+            self._stops.pass_on(robot)
         return trouble
 
     async def _stop_before(self, name: str, twin: str) -> str:
@@ -180,7 +180,7 @@ class Membership:
         trouble = await self.leaves_runs(robot)
         trouble = trouble or await self._workers.remove(robot.name, running, force=force)
         if trouble:
-            self._meanwhile.pass_on(robot)
+            self._stops.pass_on(robot)
         else:
             self._let_go_elsewhere(robot)
             await self._keep_stop(robot)
@@ -188,7 +188,7 @@ class Membership:
 
     async def _keep_stop(self, robot: RemoteRobot) -> None:
         """Record the stop of a removed robot, if its worker has not confirmed it."""
-        self._meanwhile.pass_on(robot)
+        self._stops.pass_on(robot)
         if robot.unheard:
             journal = await asyncio.to_thread(self._process.journal.robot, robot.name)
             journal.latch(robot.unheard)
@@ -208,23 +208,23 @@ class Membership:
         """Remove a robot everywhere; its stop is kept under its name, found by its twin."""
         self._taken_out[robot.twin] = robot.name
         drop, give_up = partial(self._process.drop, robot), partial(self._process.give_up, robot.twin)
-        let_go(robot.name, partial(self._followers.leave, robot), drop, give_up)
+        let_go(robot.name, partial(self._registrations.leave, robot), drop, give_up)
 
     def _let_go_elsewhere(self, robot: RemoteRobot) -> None:
         """Remove a robot of a worker everywhere, like one of the edge's process."""
         self._taken_out[robot.twin] = robot.name
-        let_go(robot.name, partial(self._followers.leave, robot), partial(self._workers.forget, robot))
+        let_go(robot.name, partial(self._registrations.leave, robot), partial(self._workers.forget, robot))
 
     async def leaves_runs(self, robot: LocalRobot | RemoteRobot) -> str:
         """Take a robot out of the runs of missions; return which do not release it."""
-        for run in self._followers.runs_with(robot.name):
+        for run in self._registrations.runs_with(robot.name):
             message = {"command": LEAVE, "data": {"run": run}, "session_id": "fleet apply"}
             take = robot.read("command", msgspec.json.encode(message), way=Transport.MISSION)
             if take is not None:
                 take(lambda _reply: None)
-        if await seen(lambda: not self._followers.runs_with(robot.name), LEAVES_WITHIN):
+        if await seen(lambda: not self._registrations.runs_with(robot.name), LEAVES_WITHIN):
             return ""
-        return f"run {', '.join(self._followers.runs_with(robot.name))} goes by it: abort that first"
+        return f"run {', '.join(self._registrations.runs_with(robot.name))} goes by it: abort that first"
 
 
 def let_go(name: str, *parts: Callable[[], None]) -> None:

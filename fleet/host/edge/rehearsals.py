@@ -83,7 +83,7 @@ class Rehearsals:
         self._config = config_digest(loaded)
         self._file = folder / PASSES
         self._passes = read_passes(self._file)
-        self._now: _UnderWay | None = None
+        self._now: _RunningRehearsal | None = None
         filling.rehearsed = self.refusal
 
     def refusal(
@@ -147,7 +147,7 @@ class Rehearsals:
             {name: place for name, place in places.items() if place is not None},
             self._clock.time(),
         )
-        self._now = _UnderWay(secrets.token_hex(4), task, self._clock, lambda: self._keep(passed))
+        self._now = _RunningRehearsal(secrets.token_hex(4), task, self._clock, lambda: self._keep(passed))
         return self._now.state(0)
 
     def look(self, question: Query) -> None:
@@ -172,7 +172,7 @@ class Rehearsals:
             log.error("a rehearsal that was passed counts until this edge ends: %s", error)  # noqa: TRY400
 
 
-class _UnderWay:
+class _RunningRehearsal:
     """One rehearsal in its process. ``keep`` is called when it has passed."""
 
     def __init__(

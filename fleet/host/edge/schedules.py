@@ -29,7 +29,7 @@ log = logging.getLogger(__name__)
 
 WAITING = 100  # events that may wait for the schedules; more are reported and dropped
 SERVED_WITHIN = 5.0  # s for the schedules to start with the edge
-Told = Callable[[str, EventReport], None]
+EventSink = Callable[[str, EventReport], None]
 
 
 class EdgeSchedules:
@@ -45,7 +45,7 @@ class EdgeSchedules:
         starter: Starter,
         *,
         states: Callable[[], Iterable[RobotState]],
-        record: Told,
+        record: EventSink,
         clock: Clock,
     ) -> None:
         self.starter = starter
@@ -112,7 +112,7 @@ class EdgeSchedules:
             self._schedules = None
             await asyncio.to_thread(store.close)  # it waits for the disk, while robots may be being stopped
 
-    def before(self, told: Told) -> Told:
+    def before(self, told: EventSink) -> EventSink:
         """Return a receiver for the events of the history, from any thread, that then calls ``told``."""
 
         @never_raises

@@ -83,7 +83,7 @@ class Standby:
         self.file = digest_of(loaded)  # both edges must agree on it
         lease = Lease(self._edge, run, self._terms, self.file)
         self._keeper = LeaseKeeper(lease, _store(config), self, clock=boot_time)
-        self._letting_go: asyncio.Task[None] | None = None
+        self._handing_over: asyncio.Task[None] | None = None
         self._barred = True
         self._why = ""  # why no robot runs here
         self._holders: dict[str, str] = {}  # of twins, by their claims
@@ -128,7 +128,7 @@ class Standby:
 
     async def close(self) -> None:
         """Give the lease back; no link may be open any more."""
-        tasks = [task for task in (self._serving, self._letting_go) if task is not None]
+        tasks = [task for task in (self._serving, self._handing_over) if task is not None]
         for task in tasks:
             task.cancel()
         await asyncio.gather(*tasks, return_exceptions=True)
@@ -209,7 +209,7 @@ class Standby:
             self._gate.epoch = 0
             self._keeper.let_go()
 
-        self._letting_go = asyncio.ensure_future(let_go())
+        self._handing_over = asyncio.ensure_future(let_go())
 
     def _waits(self) -> None:
         """Show that another edge has the robots."""
@@ -261,7 +261,7 @@ class Standby:
         self._soon(hand_over)
 
 
-class Alone:
+class Unpaired:
     """Replaces ``Standby`` in an edge without a pair: everything is served all the time."""
 
     problem = role = file = ""
@@ -294,9 +294,9 @@ def part_in_pair(
     gate: LinkGate | None,
     process: RobotProcess,
     serve: Serve,
-) -> Standby | Alone:
+) -> Standby | Unpaired:
     """Return the edge's part in its pair; ``serve`` runs while the robots are this edge's."""
-    return Alone(serve) if gate is None else Standby(loaded, gate, process, serve=serve)
+    return Unpaired(serve) if gate is None else Standby(loaded, gate, process, serve=serve)
 
 
 def bound_of(config: AdapterConfig) -> Bound:

@@ -7,7 +7,7 @@ import urllib.error
 import urllib.request
 
 
-class _Stay(urllib.request.HTTPRedirectHandler):
+class _NoRedirect(urllib.request.HTTPRedirectHandler):
     """Follows no redirect: a notice goes only to the address in fleet.yaml."""
 
     def redirect_request(self, *_: object) -> None:
@@ -19,7 +19,7 @@ class Webhook:
 
     def __init__(self, url: str) -> None:
         self._url = url
-        self._opener = urllib.request.build_opener(_Stay)
+        self._opener = urllib.request.build_opener(_NoRedirect)
         self._last: threading.Thread | None = None
 
     def send(self, body: bytes, within: float) -> None:

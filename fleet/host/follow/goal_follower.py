@@ -117,7 +117,7 @@ class GoalFollower:
         return MotionLimits(min(fastest, asked) if asked else fastest, yaw_rate)
 
 
-class _OwnWays:
+class _SelfNavigating:
     """A robot that navigates by itself, and is guided by the host only to follow other robots."""
 
     def __init__(self, adapter: Adapter[Any], leader: GoalFollower) -> None:
@@ -136,7 +136,7 @@ def goal_navigator(
 ) -> GoalNavigator | None:
     """Return the navigator of a robot: its adapter, or the host's follower; None when neither can."""
     if adapter is not None and navigates:
-        return _OwnWays(adapter, leader)
+        return _SelfNavigating(adapter, leader)
     return leader if adapter is not None and drives and leader.has_pose else None
 
 

@@ -17,7 +17,7 @@ SLACK = 0.3  # m beyond the distance before a standing robot starts again
 TURN_ABOVE = 0.7  # rad between heading and target at which the robot turns on the spot
 STALE = 1.0  # s after which the other robot's position is too old to follow
 
-Whereabouts = Callable[[], tuple[Vector3, float]]
+TargetPosition = Callable[[], tuple[Vector3, float]]
 """Returns the other robot's last position, in the world of the follower, and its age in seconds.
 
 Raises NotReady where it is unknown, or was not reported for too long.
@@ -32,7 +32,7 @@ class RobotFollower:
     def __init__(
         self,
         metres: float,
-        where: Whereabouts,
+        where: TargetPosition,
         pace: MotionLimits,
         *,
         holonomic: bool,

@@ -106,7 +106,7 @@ class ExecutionJournal:
         self._end = 0
 
     @contextlib.contextmanager
-    def everybodys(self) -> Iterator[list[Row]]:
+    def all_rows(self) -> Iterator[list[Row]]:
         """Give the rows of all processes of this edge; an incomplete row at the end of a file is skipped.
 
         After the block, our own rows and those of dead processes are removed. Nobody else would remove them,

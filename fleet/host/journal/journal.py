@@ -89,7 +89,7 @@ Change = Row | CommandEnd
 """One change of the journal; a row of ``ExecutionJournal`` is one that must not wait for the disk."""
 
 
-class _Sum:
+class _NetChanges:
     """Net effect of a series of changes.
 
     ``begun`` has a row with its outcome for each new command; ``ended`` the ends of earlier commands.
@@ -195,7 +195,7 @@ class Journal:
         self._clock = clock
         self._adding = threading.Lock()  # covers adding to both the queue and the execution journal
         self._set: dict[str, str] = {}  # robot to cause: the emergency stops that are set
-        self._begun = self._open_begun(begun)
+        self._execution_journal = self._open_begun(begun)
         self._waiting: deque[Change] = deque()
         self._unwritten: dict[str, str] = {}  # stops and releases that the database does not have yet
         self._closing = threading.Event()
@@ -234,8 +234,8 @@ class Journal:
 
     def _recover(self, database: sqlite3.Connection) -> None:
         """Write the rows that earlier processes left in their execution journals."""
-        if self._begun is not None:
-            with self._begun.everybodys() as rows:
+        if self._execution_journal is not None:
+            with self._execution_journal.all_rows() as rows:
                 for row in rows:
                     if isinstance(row, Latched) and row.robot == ANY:  # earlier releases do not count
                         database.execute("DELETE FROM latch WHERE why = ''")
@@ -243,16 +243,16 @@ class Journal:
 
     def _add(self, row: Row) -> None:
         """Write a row to the execution journal; never raises."""
-        if self._begun is not None:
+        if self._execution_journal is not None:
             try:
-                self._begun.add(row)
+                self._execution_journal.add(row)
             except Exception as error:  # noqa: BLE001 - a stop must not fail because of its record
                 self._fail(error)
 
     def _clear(self) -> None:
         """Empty the execution journal, except for the stops that are set."""
-        if self._begun is not None:
-            self._begun.clear()
+        if self._execution_journal is not None:
+            self._execution_journal.clear()
             for robot, why in self._set.items():
                 self._add(Latched(robot, why))
 
@@ -296,7 +296,7 @@ class Journal:
         with self._adding:
             if not self.problem and not self._waiting:
                 self._clear()
-            begun, self._begun = self._begun, None
+            begun, self._execution_journal = self._execution_journal, None
             if begun is not None:
                 begun.close()
 
@@ -355,7 +355,7 @@ class Journal:
         with self._using:
             self._commit(changes)
         with self._adding:
-            full = self._begun is not None and self._begun.length > LONGEST
+            full = self._execution_journal is not None and self._execution_journal.length > LONGEST
             if not self._waiting and (full or not self.problem):
                 self._clear()
 
@@ -367,7 +367,7 @@ class Journal:
         """
         if self._database is None:
             return
-        total = _Sum(changes)
+        total = _NetChanges(changes)
         self._unwritten |= total.latches
         try:
             self._database.execute("BEGIN IMMEDIATE")

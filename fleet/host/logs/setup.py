@@ -21,7 +21,7 @@ TOLD = (FORM, FILE, STREAM)
 """Environment variables with the log settings for workers."""
 
 
-class _ToStderr(logging.Handler):
+class _StderrHandler(logging.Handler):
     """Writes to the present stderr: a live table on the terminal replaces it."""
 
     def __init__(self, level: int) -> None:
@@ -70,7 +70,7 @@ def _stderr(level: int) -> logging.Handler:
     with contextlib.suppress(OSError, ValueError):  # a stderr without a descriptor is not the journal
         if is_journal(sys.stderr.fileno()):
             return JournalHandler(min(level, logging.INFO), "fleet")
-    return _ToStderr(level)
+    return _StderrHandler(level)
 
 
 def start_logging(wanted: LogSettings, kept: Path | None = None) -> Callable[[], None]:

@@ -19,7 +19,7 @@ class _Robot(Protocol):
         """Queue a log line for publication."""
 
 
-class _ToDriverlog(logging.Handler):
+class _DriverlogHandler(logging.Handler):
     """Handler that publishes log records about a robot, from level WARNING."""
 
     def __init__(self, process: RobotProcess, remote: Mapping[str, _Robot]) -> None:
@@ -47,7 +47,7 @@ def publish_robot_logs(
 
     ``remote``: robots in workers, about which this process logs warnings too.
     """
-    handler = _ToDriverlog(process, remote)
+    handler = _DriverlogHandler(process, remote)
     logger = logging.getLogger(ROBOT_LOGGER.rstrip("."))
     logger.addHandler(handler)
     return lambda: logger.removeHandler(handler)

@@ -33,7 +33,7 @@ class Action:
         self._publish = publish
         self._ended = ended
         self._clock = clock
-        self._said = 0.0
+        self._published_at = 0.0
         self._left = RemainingDistance()
         self.status = self._report(ActionState.QUEUED, 0.0, "")
         publish(self.status)
@@ -84,7 +84,7 @@ class Action:
         self.reached = max(self.reached, progress.reached)
         self._left.take(progress.remaining, self._clock.monotonic())
         changed = state is not self.status.state or progress.message != self.status.message
-        if changed or self._clock.monotonic() - self._said >= REPEAT:
+        if changed or self._clock.monotonic() - self._published_at >= REPEAT:
             self.move(state, percent, progress.message)
 
     def complete(self) -> None:
@@ -102,7 +102,7 @@ class Action:
         if state is ActionState.COMPLETED:
             percent = 100.0
         self.status = self._report(state, before.progress if percent is None else percent, message)
-        self._said = self._clock.monotonic()
+        self._published_at = self._clock.monotonic()
         self._publish(self.status)
         if state.terminal:
             self._ended(self.status)

@@ -57,7 +57,7 @@ class HistoryRecorder:
         self._clock = clock
         self._driver: Requester | None = None
         self._drove_at = self._not_driven_at = float("-inf")
-        self._window, self._refused, self._untold = float("-inf"), 0, 0
+        self._window, self._refused, self._unrecorded = float("-inf"), 0, 0
         self._known: OrderedDict[str, bool] = OrderedDict()  # request id to: sender proven
 
     @never_raises
@@ -137,16 +137,16 @@ class HistoryRecorder:
         elif not reply.ok and is_stop(ask):
             text = f"{name} {reply.outcome}"
             self._add(EventKind.OUTCOME, text, ask, severity=Severity.CRITICAL, asker=asker)
-        elif not reply.ok and self._is_told():
-            data = _data(ask) | ({"untold": self._untold} if self._untold else {})
-            self._untold = 0
+        elif not reply.ok and self._is_recorded():
+            data = _data(ask) | ({"untold": self._unrecorded} if self._unrecorded else {})
+            self._unrecorded = 0
             text = f"{name} {reply.outcome}"
             self._add(EventKind.COMMAND, text, ask, severity=Severity.WARNING, data=data)
 
     @never_raises
     def _repeated(self, ask: Ask, receipt: Receipt, reply: Reply) -> None:
         """Record a repeated request, which is not executed again."""
-        if reply is receipt.first and self._is_told():
+        if reply is receipt.first and self._is_recorded():
             text = f"{_name(ask)} asked again: the first answer was given again"
             self._add(EventKind.COMMAND, text, ask, data={"repeat": True})
 
@@ -191,13 +191,13 @@ class HistoryRecorder:
         if len(self._known) > REMEMBERED:
             self._known.popitem(last=False)
 
-    def _is_told(self) -> bool:
+    def _is_recorded(self) -> bool:
         """Return whether one more refusal is recorded; else count it."""
         now = self._clock.monotonic()
         if now - self._window > WINDOW:
             self._window, self._refused = now, 0
         self._refused += 1
-        self._untold += self._refused > REFUSALS
+        self._unrecorded += self._refused > REFUSALS
         return self._refused <= REFUSALS
 
 

@@ -22,11 +22,11 @@ class LastCommand:
         if command in BOOKKEEPING:
             return
         self.command, self.outcome = command, "under way"
-        receipt.watch(self._heard)
+        receipt.watch(self._on_reply)
 
     def accepted(self, command: str) -> None:
         """Record an accepted velocity."""
         self.command, self.outcome = command, "accepted"
 
-    def _heard(self, reply: Reply) -> None:
+    def _on_reply(self, reply: Reply) -> None:
         self.outcome = reply.outcome

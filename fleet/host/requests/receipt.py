@@ -108,7 +108,7 @@ class Receipt:
             self._tell(reply)
             if self._waits and self.first.ok:
                 self._send(reply)
-        self._answer, self._watchers = _nobody, []
+        self._answer, self._watchers = _discard, []
 
     def _send(self, reply: Reply) -> None:
         """Send a reply; an unreachable sender is not an error of the robot."""
@@ -123,7 +123,7 @@ class Receipt:
             seen(reply)
 
 
-def _nobody(_reply: Reply) -> None:
+def _discard(_reply: Reply) -> None:
     """Discard a reply: the sender has received the final one."""
 
 

@@ -41,7 +41,7 @@ class StopCause(msgspec.Struct, frozen=True):
         return f"{asked}: {self.reason}" if self.reason else asked
 
 
-THE_KEY = StopCause(Requester(Transport.BUS), "the stop key")
+STOP_KEY_CAUSE = StopCause(Requester(Transport.BUS), "the stop key")
 """Cause of a stop that states none."""
 
 
@@ -49,7 +49,7 @@ def cause_in(parameters: Mapping[str, str]) -> StopCause:
     """Return the cause in the parameters of a query on the stop key; its sender is only claimed."""
     said = {name: _clipped(_read(parameters.get(name, ""))) for name in (_BY, _WHY, _ID)}
     if not (said[_BY] or said[_WHY]):
-        return THE_KEY
+        return STOP_KEY_CAUSE
     return StopCause(Requester(Transport.BUS, said[_BY]), said[_WHY], said[_ID])
 
 
@@ -71,13 +71,13 @@ def note_of(cause: StopCause) -> bytes:
 
 
 def cause_noted(note: bytes) -> StopCause:
-    """Return the cause in the attachment of a published stop, claimed; THE_KEY if it cannot be decoded."""
+    """Return the cause in the attachment of a published stop, claimed; STOP_KEY_CAUSE if it is invalid."""
     if not note or len(note) > LARGEST:
-        return THE_KEY
+        return STOP_KEY_CAUSE
     try:
         said = _cut(decode_json(note, StopCause))
     except (ValueError, RecursionError):  # includes msgspec's own errors
-        return THE_KEY
+        return STOP_KEY_CAUSE
     return msgspec.structs.replace(said, asker=msgspec.structs.replace(said.asker, proven=False))
 
 

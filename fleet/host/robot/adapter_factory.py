@@ -25,7 +25,7 @@ from fleet.wire.verbs import VERBS
 log = logging.getLogger(__name__)
 
 AdapterClass = type[Adapter[Any]] | type[FrameAdapter[Any]]
-_NOTHING = 0.01  # m/s; below it a velocity component is rounding noise
+_NOISE = 0.01  # m/s; below it a velocity component is rounding noise
 
 
 class Capabilities(msgspec.Struct, frozen=True):
@@ -54,9 +54,9 @@ class Capabilities(msgspec.Struct, frozen=True):
         """Return why the robot cannot move like this at all; None when it can."""
         if not self.drives:
             return "it takes no velocities"
-        if not self.holonomic and abs(velocity.linear.y) > _NOTHING:
+        if not self.holonomic and abs(velocity.linear.y) > _NOISE:
             return "it does not move sideways"
-        if self.limits.vertical_speed is None and abs(velocity.linear.z) > _NOTHING:
+        if self.limits.vertical_speed is None and abs(velocity.linear.z) > _NOISE:
             return "it stays on the ground"
         return self._lacked(velocity) if self.lacking else None
 
@@ -65,7 +65,7 @@ class Capabilities(msgspec.Struct, frozen=True):
         linear = velocity.linear
         along = {"x": linear.x, "y": linear.y, "z": linear.z, "yaw": velocity.yaw_rate}
         for name, verb in VERBS.items():
-            if verb.sign * along[verb.axis] > _NOTHING and name in self.lacking:
+            if verb.sign * along[verb.axis] > _NOISE and name in self.lacking:
                 return self.lacking[name]
         return None
 

@@ -28,7 +28,7 @@ from fleet.model.health import Health, Level
 from fleet.runtime.exception_barrier import call_guarded, failure_of, guarded
 
 SLOW_RETRY = 30.0  # s between retries of a failure that only a person can fix
-NOTHING_STOPS_IT = Health(
+NO_FAILSAFE = Health(
     Level.DEGRADED,
     "nothing stops it if this process dies: its adapter declares no failsafe and leaves no halt",
 )
@@ -39,7 +39,7 @@ class _Restart(Exception):
     """A person asked to restart the run."""
 
 
-class _End(msgspec.Struct, frozen=True):
+class _RunEnd(msgspec.Struct, frozen=True):
     """Meaning of the end of a run; ``slow``: only a person can fix it, so retry slowly."""
 
     health: Health
@@ -84,8 +84,8 @@ class AdapterRunner:
         self._crash: asyncio.Future[None] | None = None
         self._strikes = Strikes()
         self._lifted = asyncio.Event()
-        self._leaving: asyncio.Event | None = None  # while an attempt ends; set once the robot was stopped
-        self._stopped_by: Callable[[], object] = lambda: True  # true if something stops it after our death
+        self._ending: asyncio.Event | None = None  # while an attempt ends; set once the robot was stopped
+        self._has_failsafe: Callable[[], object] = lambda: True  # true if something stops it after our death
 
     @property
     def health(self) -> Health:
@@ -102,12 +102,12 @@ class AdapterRunner:
             if self._clock.monotonic() - began > SLOW_RETRY:
                 waits = self._new_waits()
             self._health.set(end.health)
-            await self._outlive()
+            await self._wait_for_leftover()
             if self._strikes.are_out:
                 await self._quarantine(end.health)
                 waits = self._new_waits()
             else:
-                await self._rest(SLOW_RETRY if end.slow else next(waits))
+                await self._wait_to_retry(SLOW_RETRY if end.slow else next(waits))
 
     def crashed(self, error: Exception) -> None:
         """End the run because the adapter raised an unexpected error; on the event loop."""
@@ -135,17 +135,17 @@ class AdapterRunner:
         """Set the reason for which the robot is not run at all."""
         self._health.set(Health(Level.OFFLINE, cause))
 
-    async def _once(self) -> _End:
+    async def _once(self) -> _RunEnd:
         """Run the adapter once; return the meaning of its end."""
-        self._leaving = None
+        self._ending = None
         self._crash = asyncio.get_running_loop().create_future()
         self._health.begin_start()
         handle = self._handle(self)
-        end = _End(Health(Level.OFFLINE, "the adapter ended by itself"))
+        end = _RunEnd(Health(Level.OFFLINE, "the adapter ended by itself"))
         try:
             await self._serve(handle)
         except Exception as error:  # noqa: BLE001 - exception barrier: one robot's failure must not stop the others
-            end = self._judged(error)
+            end = self._meaning_of(error)
         finally:
             handle.close()
             self._health.end_start()
@@ -155,15 +155,15 @@ class AdapterRunner:
             await _uninterrupted(handle.take_halt_back())
         return end
 
-    def _judged(self, error: Exception) -> _End:
+    def _meaning_of(self, error: Exception) -> _RunEnd:
         """Return the meaning of an error; a failure of the adapter itself counts towards quarantine."""
         cause = _cause(error)
         for kind, level, slow in _ENDS:
             if isinstance(cause, kind):
-                return _End(Health(level, str(cause)), slow)
+                return _RunEnd(Health(level, str(cause)), slow)
         self._log.error("the adapter failed", exc_info=error)
         self._strikes.count(self._clock.monotonic())
-        return _End(Health(Level.FAULT, f"{type(cause).__name__}: {cause}"))
+        return _RunEnd(Health(Level.FAULT, f"{type(cause).__name__}: {cause}"))
 
     async def _serve(self, handle: RobotHandle) -> None:
         """Run until the adapter ends, crashes elsewhere, or the task is cancelled; then stop the robot."""
@@ -179,13 +179,13 @@ class AdapterRunner:
             why = str(_cause(error))
             raise
         finally:
-            await _uninterrupted(self._leave(work, why))
+            await _uninterrupted(self._end_attempt(work, why))
 
     async def _attempt(self, handle: RobotHandle) -> None:
         """Connect and run; contexts are exited only after the robot was brought to a standstill."""
         async with handle.contexts:
             adapter = call_guarded(self._make, handle)
-            self._stopped_by = lambda: (
+            self._has_failsafe = lambda: (
                 adapter.failsafe or handle.has_left_halt or not self.controller.can.moves
             )
             await adapter.connect()
@@ -202,7 +202,7 @@ class AdapterRunner:
                 handle.close()  # the adapter gets no calls while its link is being closed
                 self.controller.detach(why)
 
-    async def _leave(self, work: asyncio.Future[None], why: str) -> None:
+    async def _end_attempt(self, work: asyncio.Future[None], why: str) -> None:
         """Stop the robot, if we controlled it, while its link may still be open; then end the attempt."""
         await self._stand(why, open_still=not work.done())
         work.cancel()
@@ -215,10 +215,10 @@ class AdapterRunner:
 
         ``open_still``: the run still goes on, so its link is known to be open.
         """
-        if self._leaving is not None:
-            await self._leaving.wait()
+        if self._ending is not None:
+            await self._ending.wait()
             return
-        self._leaving = asyncio.Event()
+        self._ending = asyncio.Event()
         in_control = self.controller.in_control
         self.controller.lost(why)
         if in_control:
@@ -226,9 +226,9 @@ class AdapterRunner:
             with contextlib.suppress(Exception):  # the run is over; only the halt mattered
                 await self.controller.hold(why)
                 self.controller.may_be_moving &= not open_still
-        self._leaving.set()
+        self._ending.set()
 
-    async def _outlive(self) -> None:
+    async def _wait_for_leftover(self) -> None:
         """Wait for a run that ignores its cancellation: two runs must never control one robot."""
         if self.leftover is None:
             return
@@ -252,17 +252,17 @@ class AdapterRunner:
         self._strikes.clear()
         self._health.set(Health(Level.OFFLINE, "starting again"))
 
-    async def _rest(self, seconds: float) -> None:
+    async def _wait_to_retry(self, seconds: float) -> None:
         """Wait before the next attempt, or until a person asks for it."""
         with contextlib.suppress(TimeoutError):
             await asyncio.wait_for(self._lifted.wait(), seconds)
 
     def healthy(self, health: Health) -> None:
         """Apply the adapter's own report of its connection's health."""
-        if self._leaving is not None:
+        if self._ending is not None:
             return
-        if health.level is Level.OK and not self._stopped_by():
-            health = NOTHING_STOPS_IT
+        if health.level is Level.OK and not self._has_failsafe():
+            health = NO_FAILSAFE
         if health.level is Level.FAULT:
             self.controller.faulted(health.cause)
         elif health.level is Level.OFFLINE:

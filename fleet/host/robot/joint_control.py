@@ -31,7 +31,7 @@ LONGEST_STEP = 0.1  # s that one step covers at most: after a blocked loop, join
 MEASURED = 1.0  # s after which a measured joint position is stale
 
 
-class _Led(msgspec.Struct):
+class _DrivenJoint(msgspec.Struct):
     """One driven joint: last commanded position, target, and expiry (monotonic s)."""
 
     at: float
@@ -39,11 +39,11 @@ class _Led(msgspec.Struct):
     until: float
 
 
-class _NotTaken(Refused):
+class _TargetRefused(Refused):
     """Refusal of a target without effect on the present targets."""
 
 
-class JointDriving:
+class JointControl:
     """Joint control of one robot. ``followers`` receive joint reports. ``lease``: lifetime of a target, s.
 
     ``barred`` returns why nothing may move the robot now, else None; ``halt`` writes its halt; ``crashed``
@@ -67,7 +67,7 @@ class JointDriving:
         self._halt = halt
         self._crashed = crashed
         self._adapter: Adapter[Any] | None = None
-        self._led: dict[str, _Led] = {}
+        self._led: dict[str, _DrivenJoint] = {}
         self._measured: dict[str, tuple[float, float]] = {}  # by joint: position, time (monotonic s)
         self._stepped = 0.0
         self._repeats: DedupCache[bool] = DedupCache()
@@ -122,7 +122,7 @@ class JointDriving:
         try:
             self._lead(ask, now)
             self._step(now)
-        except _NotTaken as error:  # earlier targets stay valid for their lease
+        except _TargetRefused as error:  # earlier targets stay valid for their lease
             receipt.reject(error.reason, hint=error.hint)
         except (CommandError, LinkError) as error:
             self.let_go()
@@ -137,7 +137,7 @@ class JointDriving:
         return False
 
     def _lead(self, ask: JointSetpoint, now: float) -> None:
-        """Set targets; raises _NotTaken, with nothing changed, if one is refused."""
+        """Set targets; raises _TargetRefused, with nothing changed, if one is refused."""
         ranges = self._ranges()
         known = [joint for joint in ask.positions if joint in ranges]
         starts = {joint: self._where(joint, now) for joint in known}
@@ -147,11 +147,11 @@ class JointDriving:
         }
         why = refusal(wanted, ranges)
         if why is not None:
-            raise _NotTaken(why)
+            raise _TargetRefused(why)
         if not self.deadman.armed:
             self._led, self._by, self._stepped = {}, None, now - STEP
         for joint, target in wanted.items():
-            self._led[joint] = _Led(starts[joint], target, now + self.lease)
+            self._led[joint] = _DrivenJoint(starts[joint], target, now + self.lease)
         self.deadman.feed(now, self.lease)
 
     def _ranges(self) -> Mapping[str, JointRange]:
@@ -159,12 +159,14 @@ class JointDriving:
         return {} if self._adapter is None else call_guarded(self._adapter.joint_ranges)
 
     def _where(self, joint: str, now: float) -> float:
-        """Return the position at which a joint continues; raises _NotTaken if it is unknown."""
+        """Return the position at which a joint continues; raises _TargetRefused if it is unknown."""
         if self.deadman.armed and joint in self._led:
             return self._led[joint].at
         at, seen = self._measured.get(joint, (0.0, float("-inf")))
         if now - seen > MEASURED:
-            raise _NotTaken(f"where joint {joint} is, is unknown", hint="it must be told before it is led")
+            raise _TargetRefused(
+                f"where joint {joint} is, is unknown", hint="it must be told before it is led"
+            )
         return at
 
     def step(self) -> None:

@@ -33,7 +33,7 @@ TELL = 0.1  # s between messages to other processes
 SPEEDING_UP = 1.0  # m that a robot of another process may be nearer than its last speed implies
 
 
-class _Told(msgspec.Struct, frozen=True):
+class _ReportedRobot(msgspec.Struct, frozen=True):
     """A robot of another process; ``on_earth``: placed by geodetic position; ``lost``: no longer placed."""
 
     robot: Occupant
@@ -41,14 +41,14 @@ class _Told(msgspec.Struct, frozen=True):
     lost: bool = False
 
 
-class _Sheet(msgspec.Struct, frozen=True):
+class _PositionsMessage(msgspec.Struct, frozen=True):
     """Message of a process about its robots; ``anchor``: the origin of those on Earth, None without any.
 
     ``located``: the anchor is the origin of the site, so all of its robots are on Earth. ``gone``: robots
     that the process no longer has.
     """
 
-    robots: tuple[_Told, ...]
+    robots: tuple[_ReportedRobot, ...]
     anchor: GeoOrigin | None = None
     located: bool = False
     gone: tuple[str, ...] = ()
@@ -77,8 +77,8 @@ class RobotPositions:
         self._site = site
         self._anchor = site
         self._own: dict[str, SeparationKeeper] = {}
-        self._told: dict[str, tuple[float, _Told]] = {}
-        self._tellers: dict[str, str] = {}  # process that reported a robot last
+        self._reported: dict[str, tuple[float, _ReportedRobot]] = {}
+        self._reporters: dict[str, str] = {}  # process that reported a robot last
         self._gone: set[str] = set()
 
     @property
@@ -103,7 +103,7 @@ class RobotPositions:
 
     def leave(self, name: str) -> None:
         """Remove a robot from this edge, also in its other processes."""
-        for table in (self._own, self._told, self._edges, self._tellers):
+        for table in (self._own, self._reported, self._edges, self._reporters):
             table.pop(name, None)
         self._gone.add(name)
 
@@ -117,10 +117,12 @@ class RobotPositions:
         """Return a robot's present occupant; None while its position is unknown."""
         if name in self._own:
             return self._own[name].occupant()
-        if name not in self._told:
+        if name not in self._reported:
             return None
-        since, told = self._told[name]
-        return msgspec.structs.replace(told.robot, age=told.robot.age + self._clock.monotonic() - since)
+        since, reported = self._reported[name]
+        return msgspec.structs.replace(
+            reported.robot, age=reported.robot.age + self._clock.monotonic() - since
+        )
 
     def others(self, name: str) -> list[Occupant]:
         """Return all other robots whose position in this robot's frame is known."""
@@ -140,7 +142,7 @@ class RobotPositions:
         for other, own in self._own.items():
             if own.at is not None and other != name and (at - own.at).norm() <= reach + own.reach:
                 found.append(other)
-        found += [other for other in self._told if other != name]
+        found += [other for other in self._reported if other != name]
         there = (self.one(other) for other in found if self._frame(other) == frame)
         return tuple(robot for robot in there if robot is not None and _may_meet(robot, at, reach))
 
@@ -150,8 +152,8 @@ class RobotPositions:
         if own is not None:
             placed, on_earth = own.at is not None, own.on_earth
         else:
-            placed = name in self._told
-            on_earth = placed and self._told[name][1].on_earth
+            placed = name in self._reported
+            on_earth = placed and self._reported[name][1].on_earth
         if not placed:
             return ""
         return "earth" if on_earth and self._site is None else "site"
@@ -185,19 +187,21 @@ class RobotPositions:
         """Return whether a robot was placed and no longer is."""
         if name in self._own:
             return bool(self._own[name].lost)
-        return name in self._told and self._told[name][1].lost
+        return name in self._reported and self._reported[name][1].lost
 
     # -- between processes -----------------------------------------------------------------------------
 
     def sheet(self) -> bytes:
         """Return the message for other processes about this process's robots."""
         robots = [
-            _Told(occupant, robot.on_earth, bool(robot.lost))
+            _ReportedRobot(occupant, robot.on_earth, bool(robot.lost))
             for robot in self._own.values()
             if (occupant := robot.occupant()) is not None
         ]
         gone = tuple(sorted(self._gone))
-        return msgspec.json.encode(_Sheet(tuple(robots), self._anchor, self._site is not None, gone))
+        return msgspec.json.encode(
+            _PositionsMessage(tuple(robots), self._anchor, self._site is not None, gone)
+        )
 
     def hear(self, payload: bytes, edge: str, process: str = "") -> None:
         """Process the message of another process of this edge or of a partner; on the event loop.
@@ -206,40 +210,45 @@ class RobotPositions:
         this edge was added while it runs.
         """
         try:
-            sheet = decode_json(payload, _Sheet)
+            sheet = decode_json(payload, _PositionsMessage)
         except msgspec.DecodeError as error:
             log.warning("positions of robots from edge %s cannot be read: %s", edge, error)
             return
         now = self._clock.monotonic()
         placement = None if sheet.anchor is None else self.place(sheet.anchor)
-        for told in sheet.robots:
-            name, on_earth = told.robot.name, told.on_earth or sheet.located
+        for reported in sheet.robots:
+            name, on_earth = reported.robot.name, reported.on_earth or sheet.located
             known = self._edges.get(name, self.edge)
             if name in self._own or known != edge or not (on_earth or edge == self.edge):
                 continue
-            self._edges[name], self._tellers[name] = edge, process
-            self._told[name] = now, _moved(msgspec.structs.replace(told, on_earth=on_earth), placement)
+            self._edges[name], self._reporters[name] = edge, process
+            self._reported[name] = (
+                now,
+                _moved(msgspec.structs.replace(reported, on_earth=on_earth), placement),
+            )
         for name in sheet.gone if edge == self.edge else ():
-            if process == MAIN or self._tellers.get(name) == process:  # the edge's own process knows of all
-                for table in (self._told, self._tellers, self._edges):
+            if process == MAIN or self._reporters.get(name) == process:  # the edge's own process knows of all
+                for table in (self._reported, self._reporters, self._edges):
                     table.pop(name, None)
 
 
 def _may_meet(robot: Occupant, at: Vector3, reach: float) -> bool:
     """Return whether a robot may soon meet one that moves at most ``reach`` metres from ``at``."""
-    theirs = robot.radius + robot.doubt + stopping(robot.speed, robot.braking) + robot.speed + SPEEDING_UP
+    theirs = (
+        robot.radius + robot.uncertainty + stopping(robot.speed, robot.braking) + robot.speed + SPEEDING_UP
+    )
     return (at - robot.at).norm() <= reach + theirs
 
 
-def _moved(told: _Told, placement: Placement | None) -> _Told:
+def _moved(reported: _ReportedRobot, placement: Placement | None) -> _ReportedRobot:
     """Return a robot of another process, converted into our frame."""
-    if not told.on_earth or placement is None or placement == Placement():
-        return told
-    robot = told.robot
+    if not reported.on_earth or placement is None or placement == Placement():
+        return reported
+    robot = reported.robot
     moved = msgspec.structs.replace(
         robot, at=placement.to_site(robot.at), way=tuple(map(placement.to_site, robot.way))
     )
-    return msgspec.structs.replace(told, robot=moved)
+    return msgspec.structs.replace(reported, robot=moved)
 
 
 def positions_of(config: FleetConfig, clock: Clock) -> RobotPositions:

@@ -10,7 +10,7 @@ from fleet.clock import Clock
 from fleet.errors import CommandError, LinkError
 from fleet.host.requests.event_reporter import robot_log
 from fleet.host.requests.receipt import Receipt
-from fleet.host.robot.joint_control import JointDriving
+from fleet.host.robot.joint_control import JointControl
 from fleet.host.robot.motion_guard import MotionGuard
 from fleet.host.safety.deadman import DeadMan
 from fleet.host.safety.held_keys import HeldKeys
@@ -42,7 +42,7 @@ class VelocityControl:
         barred: Callable[[], str | None],
     ) -> None:
         self.deadman = DeadMan()
-        self.joints = JointDriving(clock, lease, barred=barred, halt=halt, crashed=crashed)
+        self.joints = JointControl(clock, lease, barred=barred, halt=halt, crashed=crashed)
         self._limits = limits
         self._clock = clock
         self._lease = lease

@@ -9,7 +9,7 @@ from typing import Any, TypeVar
 
 ResultT = TypeVar("ResultT")
 
-DEAF_AFTER = 2.0  # s after which a cancelled task that goes on counts as a failure of the adapter
+IGNORED_AFTER = 2.0  # s after which a cancelled task that goes on counts as a failure of the adapter
 
 
 async def wait_bounded(work: Coroutine[object, object, ResultT], seconds: float) -> ResultT:
@@ -41,14 +41,14 @@ def retrieve_exception(task: asyncio.Future[Any]) -> None:
         task.exception()
 
 
-def cancel_and_wait(task: asyncio.Task[None], why: str, deaf: Callable[[Exception], None]) -> None:
-    """Cancel a task; ``deaf`` gets an error if it is still running after ``DEAF_AFTER`` seconds."""
+def cancel_and_wait(task: asyncio.Task[None], why: str, on_ignored: Callable[[Exception], None]) -> None:
+    """Cancel a task; ``on_ignored`` gets an error if it is still running after ``IGNORED_AFTER`` seconds."""
 
     def look() -> None:
-        deaf(RuntimeError(f"{task.get_name()} goes on though it was ended ({why})"))
+        on_ignored(RuntimeError(f"{task.get_name()} goes on though it was ended ({why})"))
 
     task.cancel(why)
-    timer = asyncio.get_running_loop().call_later(DEAF_AFTER, look)
+    timer = asyncio.get_running_loop().call_later(IGNORED_AFTER, look)
     task.add_done_callback(lambda _: timer.cancel())
 
 

@@ -66,7 +66,7 @@ class LoopSilence:
         self._looked = 0.0
         self._cpu = 0.0
         self._waited = 0.0
-        self.blamed = 0.0  # s of it in which the loop could have run but did not
+        self.attributable = 0.0  # s of it in which the loop could have run but did not
 
     def look(self, now: float, beat: float, cpu: float, waited: float) -> float:
         """Return the seconds of silence that count, at ``now`` (monotonic s).
@@ -80,7 +80,7 @@ class LoopSilence:
         self._awake += min(now - self._looked, 2 * self._period)
         self._looked = now
         silent = min(now - beat, max(self._awake, cpu - self._cpu))
-        self.blamed = max(silent - (waited - self._waited), cpu - self._cpu)
+        self.attributable = max(silent - (waited - self._waited), cpu - self._cpu)
         return silent
 
 

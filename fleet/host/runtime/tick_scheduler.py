@@ -83,7 +83,7 @@ class TickScheduler:
         ``owner`` is the robot on whose behalf it is called, empty for the host's own work.
         """
         periodic = PeriodicCall(owner, max(period, TICK), call, failed)
-        self._hang(self._loop.time() + periodic.period, periodic)
+        self._queue(self._loop.time() + periodic.period, periodic)
         return periodic
 
     def end(self, owner: str) -> None:
@@ -99,7 +99,7 @@ class TickScheduler:
     def start(self) -> None:
         """Start ticking."""
         self.beat = self._clock.monotonic()
-        self._handle = self._loop.call_later(TICK, self._turn)
+        self._handle = self._loop.call_later(TICK, self._tick)
 
     def stop(self) -> None:
         """Stop ticking."""
@@ -107,32 +107,32 @@ class TickScheduler:
         if self._handle is not None:
             self._handle.cancel()
 
-    def _turn(self) -> None:
+    def _tick(self) -> None:
         """Begin a tick."""
         now = self._loop.time()
         self._work = self._calls(now + DUE_TOLERANCE)
-        self._give_way(now + TICK)
+        self._yield_to_loop(now + TICK)
 
-    def _go_on(self, next_turn: float) -> None:
+    def _run_slice(self, next_tick: float) -> None:
         """Do a slice of the tick, then yield to the loop; an exception does not end the ticking."""
         self.beat = self._clock.monotonic()
         end = self.beat + SLICE
-        rest: tuple[Any, ...] = (self._loop.call_at, next_turn, self._turn)
+        rest: tuple[Any, ...] = (self._loop.call_at, next_tick, self._tick)
         try:
             for _ in self._work:
                 if self._clock.monotonic() >= end:
-                    rest = (self._loop.call_soon, self._give_way, next_turn)
+                    rest = (self._loop.call_soon, self._yield_to_loop, next_tick)
                     break
         finally:
             self._schedule(*rest)
 
-    def _give_way(self, next_turn: float) -> None:
+    def _yield_to_loop(self, next_tick: float) -> None:
         """Let callbacks of data read after the last slice run before the next slice.
 
         Every slice is started from here, also the first: whatever the loop reads right after a slice is then
         queued before the next one. Data that arrive in the instant between wait for one slice.
         """
-        self._schedule(self._loop.call_soon, self._go_on, next_turn)
+        self._schedule(self._loop.call_soon, self._run_slice, next_tick)
 
     def _schedule(self, how: Callable[..., asyncio.Handle], *arguments: object) -> None:
         """Schedule the next step, unless one of the calls stopped the scheduler."""
@@ -140,7 +140,7 @@ class TickScheduler:
         if not self._stopped:
             self._handle = how(*arguments)
 
-    def _hang(self, due: float, periodic: PeriodicCall) -> None:
+    def _queue(self, due: float, periodic: PeriodicCall) -> None:
         """Queue a call for the first tick that is not before ``due``."""
         self._due.setdefault(int(due / TICK), deque()).append((due, periodic))
 
@@ -156,13 +156,13 @@ class TickScheduler:
                     continue
                 self._call(periodic)
                 if not periodic.cancelled:
-                    self._hang(_next_due(due, periodic.period, now), periodic)
+                    self._queue(_next_due(due, periodic.period, now), periodic)
                 yield
             if not periodics:
                 del self._due[tick]
         self.owner = ""
         for end in self._ends:
-            yield from _walled(end)
+            yield from _guarded(end)
 
     def _call(self, periodic: PeriodicCall) -> None:
         """Make one call; an exception is reported and ends only this call."""
@@ -173,7 +173,7 @@ class TickScheduler:
             raise
         except BaseException as error:  # noqa: BLE001 - exception barrier: one robot's fault must not stop the scheduler
             periodic.cancel()
-            _tell(periodic, failure_of(error))
+            _report_failure(periodic, failure_of(error))
 
 
 def _next_due(due: float, period: float, now: float) -> float:
@@ -182,7 +182,7 @@ def _next_due(due: float, period: float, now: float) -> float:
     return after if after > now else after + period
 
 
-def _tell(periodic: PeriodicCall, failure: Exception) -> None:
+def _report_failure(periodic: PeriodicCall, failure: Exception) -> None:
     """Report a failure; an exception in ``failed`` must not stop the scheduler either."""
     try:
         periodic.failed(failure)
@@ -190,7 +190,7 @@ def _tell(periodic: PeriodicCall, failure: Exception) -> None:
         log.exception("a timer of %s failed, and nobody took it: %r", periodic.owner or "the host", failure)
 
 
-def _walled(end: Callable[[], Iterable[None]]) -> Iterator[None]:
+def _guarded(end: Callable[[], Iterable[None]]) -> Iterator[None]:
     """Run one end-of-tick call behind an exception barrier, so that the others still run."""
     try:
         yield from end()

@@ -116,7 +116,7 @@ class Watchdog:
             try:
                 patience = self.look(self._clock.monotonic())
             except Exception as error:  # noqa: BLE001 - without this thread no lease would expire
-                _tell_aside(error)
+                _log_failure(error)
 
     def _first_end(self) -> float:
         """Return when the first lease ends (monotonic s)."""
@@ -146,7 +146,7 @@ class Watchdog:
         if silent < BLOCKED:
             self._named = ""
             return
-        if not self._named and self._silence.blamed >= BLOCKED:
+        if not self._named and self._silence.attributable >= BLOCKED:
             name = self._named = self._loop.running() or "the host"
             run_in_thread(lambda: _safely(lambda: self._loop.blocked(name, silent)))
         if silent > STUCK:
@@ -174,9 +174,9 @@ def _safely(call: Callable[[], None]) -> None:
     try:
         call()
     except Exception as error:  # noqa: BLE001 - logged on another thread; the watchdog goes on
-        _tell_aside(error)
+        _log_failure(error)
 
 
-def _tell_aside(failure: Exception) -> None:
+def _log_failure(failure: Exception) -> None:
     """Log a failure on another thread."""
     run_in_thread(lambda: log.error("the watchdog goes on", exc_info=failure))

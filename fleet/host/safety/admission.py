@@ -38,7 +38,7 @@ class Admission:
         self.fault = ""  # text of the fault that the robot itself latched; empty without one
         self.permit = MotionPermit()
         self.lease = ControlLease(config.control_lease)
-        self._let_go = StickReleaseInterlock(config.setpoint_lease)
+        self._stick_release = StickReleaseInterlock(config.setpoint_lease)
         self.configure(config)
 
     def configure(self, config: AdapterConfig, limits: Limits | None = None) -> None:  # noqa: ARG002 - shared signature
@@ -46,7 +46,7 @@ class Admission:
         self._max_age, self._command_max_age = config.max_age, config.command_max_age
         self._policy = SourcePolicy(config.accepts, simulated=config.simulated)
         self.lease.seconds = config.control_lease
-        self._let_go.pause = config.setpoint_lease
+        self._stick_release.pause = config.setpoint_lease
 
     def stopped(self, ask: Command) -> None:
         """Record a stop: it ends the sender's lease and makes earlier requests of the sender late.
@@ -58,7 +58,7 @@ class Admission:
         self.speeds.forget()
         self.lease.let_go(ask.origin.session)
         self.lease.others_moved(ask.origin.session, f"stopped: {ask.name} by {_named(ask.origin)}")
-        self._let_go.stopped(_asker(ask.origin), self._clock.monotonic())
+        self._stick_release.stopped(_asker(ask.origin), self._clock.monotonic())
         wall, now = self._clock.time(), self._clock.monotonic()
         shared = not ask.origin.session
         self._ages.stopped(_asker(ask.origin), ask.stamp, wall=wall, now=now, shared=shared)
@@ -147,14 +147,14 @@ class Admission:
             return refusal
         late = self._setpoint_age(ask)
         if late is not None:
-            self._let_go.drove(asker, now)
+            self._stick_release.drove(asker, now)
             return late
         # Before the latch: while the stop is set, a held stick would otherwise pass for a released one.
-        holds = self._let_go.refusal(asker, now, zero=zero)
+        holds = self._stick_release.refusal(asker, now, zero=zero)
         refusal = self.motion() or holds or self.lease.refusal(ask.origin.session, now)
         if refusal is None:
             self._take(ask.origin)
-            self._let_go.drove(asker, now)
+            self._stick_release.drove(asker, now)
         return refusal
 
     def is_untimely_zero(self, ask: Setpoint) -> bool:
@@ -172,7 +172,7 @@ class Admission:
         if refusal is None:
             self.lease.let_go(session)
             if self._setpoint_age(ask) is None:
-                self._let_go.refusal(_asker(ask.origin), now, zero=True)
+                self._stick_release.refusal(_asker(ask.origin), now, zero=True)
         return refusal
 
     def navigate(self, ask: Navigate) -> str | None:

@@ -21,7 +21,7 @@ class DedupCache(Generic[AnswerT]):
 
     def __init__(self) -> None:
         self._seen: OrderedDict[str, tuple[float, AnswerT]] = OrderedDict()
-        self._look = -math.inf  # when the oldest entry may expire (monotonic s)
+        self._next_expiry = -math.inf  # when the oldest entry may expire (monotonic s)
 
     def first(self, identity: str, answer: AnswerT, now: float) -> AnswerT | None:
         """Return the answer to the first request with this id; None when this is the first, now stored.
@@ -30,7 +30,7 @@ class DedupCache(Generic[AnswerT]):
         """
         if not identity:
             return None
-        if now > self._look:
+        if now > self._next_expiry:
             self._forget(now)
         if identity in self._seen:
             return self._seen[identity][1]
@@ -43,7 +43,7 @@ class DedupCache(Generic[AnswerT]):
         """Remove expired entries."""
         while self._seen and now - self._oldest() > LIFETIME:
             self._seen.popitem(last=False)
-        self._look = (self._oldest() if self._seen else now) + LIFETIME
+        self._next_expiry = (self._oldest() if self._seen else now) + LIFETIME
 
     def _oldest(self) -> float:
         """Return the time of the oldest entry."""

@@ -21,11 +21,11 @@ class EmergencyStopLatch:
         self.held = ""
         self.asked = 0  # number of stop requests in this process
         self._unrecorded = False
-        self._told = bool(why)
+        self._reported = bool(why)
 
     def is_news(self) -> bool:
         """Return True once for each stop set in this process, so that each is reported once."""
-        told, self._told = self._told, self.set
+        told, self._reported = self._reported, self.set
         return self.set and not told
 
     @property
@@ -52,7 +52,7 @@ class EmergencyStopLatch:
 
     def release(self) -> None:
         """Clear the stop; motion needs a new command."""
-        self._why, self._unrecorded, self._told = "", False, False
+        self._why, self._unrecorded, self._reported = "", False, False
         self._keep("")
         if self._why:  # set again by another thread while ``keep`` wrote the release: the stop must be last
             self._keep(self._why)

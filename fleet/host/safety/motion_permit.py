@@ -10,7 +10,7 @@ def _always() -> str | None:
     return None
 
 
-def _nothing() -> None:
+def _ignore_stop() -> None:
     """Ignore a stop."""
 
 
@@ -19,4 +19,4 @@ class MotionPermit:
 
     def __init__(self) -> None:
         self.refusal: Callable[[], str | None] = _always
-        self.stopped: Callable[[], None] = _nothing
+        self.stopped: Callable[[], None] = _ignore_stop

@@ -60,7 +60,7 @@ class Occupant(msgspec.Struct, frozen=True):
         return max(self.velocity.norm(), self.asked.norm())
 
     @property
-    def doubt(self) -> float:
+    def uncertainty(self) -> float:
         """Uncertainty of its position since the last report, m."""
         return gone_since(self.speed, self.age)
 
@@ -140,7 +140,7 @@ def speed_within(metres: float, braking: float) -> float:
 
 def needed(one: Occupant, other: Occupant) -> float:
     """Return the required distance between the centres of two robots, m."""
-    return one.radius + other.radius + one.doubt + other.doubt
+    return one.radius + other.radius + one.uncertainty + other.uncertainty
 
 
 def way_trouble(robot: Occupant, points: Iterable[Vector3], others: Iterable[Occupant]) -> str:

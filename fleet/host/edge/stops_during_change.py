@@ -10,7 +10,7 @@ from fleet.host.robot.local_robot import LocalRobot
 from fleet.host.workers.remote_robot import RemoteRobot
 
 
-class StopsMeanwhile:
+class StopsDuringChange:
     """Stops of one process from ``begin`` to ``end``."""
 
     def __init__(self, process: RobotProcess) -> None:
