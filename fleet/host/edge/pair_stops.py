@@ -16,7 +16,7 @@ from fleet.standby.stops import FollowedStops, OwnStop
 log = logging.getLogger(__name__)
 
 LONGEST_CAUSE = 80  # characters
-NOT_KNOWN = "nobody knows which stops were set: the lease service had no entry of the pair"
+NOT_KNOWN = "the stops set before are unknown: the lease service has no entry of the pair"
 
 
 class PairStops:

@@ -106,7 +106,7 @@ class GoalFollower:
         """Return the pose; None when it is too old to drive by. Raises NotReady when it is lost."""
         age = self._clock.monotonic() - self._seen
         if self._pose is None or age > LOST:
-            raise NotReady(f"no pose for {age:.1f} s" if self._pose else "the robot has told no pose")
+            raise NotReady(f"no pose for {age:.1f} s" if self._pose else "the robot has reported no pose")
         return self._pose if age <= STALE else None
 
     def _pace(self, task: AnyTask) -> MotionLimits:

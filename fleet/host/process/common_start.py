@@ -151,7 +151,7 @@ class CommonStarts:
     def _against(self, robot: LocalRobot, ask: Command | Navigate, start: str) -> str:
         """Return why a robot cannot be prepared now; empty when it can."""
         if not start or start not in self._alive:
-            return "who asks for the common start does not show that it is there"
+            return "the sender of the common start is not present"
         if robot.name in self._prepared:
             return "it is prepared for another start"
         if ask.stamp is not None and abs(self._clock.time() - ask.stamp) > robot.config.command_max_age:
@@ -198,7 +198,7 @@ class CommonStarts:
     def _hindrance(self, one: _Prepared, ahead: float) -> str:
         """Return why a prepared robot cannot begin in ``ahead`` seconds; empty when it can."""
         if one.start not in self._alive:
-            return "who asked for it is gone"
+            return "its sender is gone"
         if one.stamp is not None:
             return "its instant is set already"
         if not 0.0 < ahead <= FARTHEST:
@@ -230,7 +230,7 @@ class CommonStarts:
             self._alive.add(start)
             return
         self._alive.discard(start)
-        self._drop_all(lambda one: one.start == start, "who asked for it took it back, or is gone")
+        self._drop_all(lambda one: one.start == start, "its sender cancelled it, or is gone")
 
     def _interrupted(self, name: str, why: str) -> None:
         """Drop a start of which one robot is stopped, moved or lost by something else."""

@@ -272,7 +272,7 @@ class HeldByEdge:
         self._clock = clock
         self._heard = clock.monotonic()
         for latch in self._latches.values():
-            latch.held = "the edge has not told yet that its stop input is heard"
+            latch.held = "the edge has not confirmed its stop input yet"
 
     def take(self, payload: bytes) -> None:
         """Apply the edge's message; on the bus's thread. An invalid message is ignored."""

@@ -67,7 +67,7 @@ class VideoRelay:
         try:
             reply = read_video_reply(payload)
         except WireError as error:
-            refusals.append(f"the program that sends its video answers what cannot be read: {error}")
+            refusals.append(f"the reply of its video program cannot be decoded: {error}")
             return
         if reply.ok:
             receipt.done()

@@ -169,7 +169,7 @@ class AdapterRunner:
         """Run until the adapter ends, crashes elsewhere, or the task is cancelled; then stop the robot."""
         assert self._crash is not None
         work = asyncio.ensure_future(guarded(lambda: self._attempt(handle)))
-        why = "the host lets go of the robot"
+        why = "the edge has stopped running it"
         try:
             await asyncio.wait({work, self._crash}, return_when=asyncio.FIRST_COMPLETED)
             if self._crash.done():

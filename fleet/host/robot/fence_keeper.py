@@ -77,7 +77,7 @@ class FenceKeeper:
         if pose is None or self.fence is None:
             if self._config is None:
                 return velocity
-            raise Refused("the fence cannot be kept: where the robot is, is unknown")
+            raise Refused("the fence cannot be kept: the robot's position is unknown")
         yaw = pose.rotation.yaw
         wanted = rotate_to_world(velocity.linear, yaw)
         admitted = self.fence.admitted(pose.position, wanted, self._place.home_point())

@@ -165,7 +165,7 @@ class JointControl:
         at, seen = self._measured.get(joint, (0.0, float("-inf")))
         if now - seen > MEASURED:
             raise _TargetRefused(
-                f"where joint {joint} is, is unknown", hint="it must be told before it is led"
+                f"the position of joint {joint} is unknown", hint="it must be reported first"
             )
         return at
 

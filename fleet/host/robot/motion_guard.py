@@ -212,7 +212,7 @@ class MotionGuard:
             return ""
         pose, home = self._place.fresh(), self._place.home_point()
         if pose is None:
-            return "where the robot is, is unknown, so its separation cannot be kept"
+            return "the robot's position is unknown, so its separation cannot be kept"
         field, sign = CLIMBS[ask.name]
         metres = ask.data.get(field, getattr(self._config, "takeoff_altitude", 0.0))
         if not isinstance(metres, int | float) or not math.isfinite(metres):
@@ -253,7 +253,7 @@ class MotionGuard:
     def _way(self, task: AnyTask) -> tuple[Vector3, tuple[Vector3, ...]]:
         """Return start and points of a task; raises Refused while they, or the fence, are unknown."""
         if self.fencing.fence is None:
-            raise Refused("where the fence is, is unknown until the robot tells of its home")
+            raise Refused("the fence cannot be placed until the robot reports its home")
         return self._place.way(task)
 
     def points(self, task: AnyTask) -> tuple[Vector3, ...]:

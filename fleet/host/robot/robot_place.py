@@ -63,7 +63,7 @@ class RobotPlace:
         """Return start and points of a task; raises Refused while they are unknown."""
         pose = self.fresh()
         if pose is None:
-            raise Refused("where the robot is, is unknown: its fence, battery and separation cannot be kept")
+            raise Refused("the robot's position is unknown: its fence, battery and separation cannot be kept")
         match task:
             case GoTo():
                 return pose.position, (self._point(task.goal),)

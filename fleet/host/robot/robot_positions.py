@@ -175,7 +175,7 @@ class RobotPositions:
         frame = self._frame(name)
         if not frame:
             placed = own.placement is not None
-            return "unknown: " + ("it has not told where it is" if placed else "it is not placed")
+            return "unknown: " + ("it has not reported its position" if placed else "it is not placed")
         hidden = [
             other
             for other in self._edges
@@ -280,7 +280,7 @@ def exchange(traffic: RobotPositions, process: str, control: ZenohSession, sched
             publisher.put(traffic.sheet())
 
     def tell_on(error: Exception) -> None:
-        log.error("where the robots are could not be told", exc_info=error)
+        log.error("the positions of the robots could not be published", exc_info=error)
         scheduler.every(TELL, tell, failed=tell_on)
 
     for edge in sorted(traffic.edges):

@@ -31,7 +31,7 @@ def what_was_written(adapter: Adapter[Any] | None, *, heard: bool) -> str:
         return "the stop was not written: no link to it is open"
     if not heard:
         return "the stop may not have been written: it has not been heard since its adapter began"
-    return "the stop was written, nobody answers"
+    return "the stop was written, but the robot does not answer"
 
 
 async def stand_still(adapter: Adapter[Any], why: str, *, name: str, halt: Callable[[], None]) -> None:

@@ -26,9 +26,9 @@ class Whereabouts:
             raise NotReady(f"{who} is not placed in the site's frame, and cannot follow {name}")
         found = None if name == own.name else own.others.seen(own.name, name)
         if found is None:
-            raise NotReady(f"nobody knows where {name} is in the frame of {own.name}")
+            raise NotReady(f"the position of {name} in the frame of {own.name} is unknown")
         if found.age > LOST:
-            raise NotReady(f"{name} has not told where it is for {found.age:.1f} s")
+            raise NotReady(f"{name} has not reported its position for {found.age:.1f} s")
         return own.placement.to_world(found.at), found.age
 
     def trouble(self, name: str) -> str:

@@ -20,7 +20,7 @@ class BatteryReserve(msgspec.Struct, frozen=True):
     def trouble(self, percent: float | None, metres: float = 0.0, speed: float | None = None) -> str:
         """Return why a path of ``metres``, there and home, must not be started; empty when it may."""
         if percent is None:
-            return "how full the battery is is unknown"
+            return "its battery level is unknown"
         needed = 0.0
         if self.endurance is not None and speed:
             needed = 100 * metres / speed / self.endurance

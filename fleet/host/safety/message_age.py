@@ -68,7 +68,7 @@ class _Session:
         if stamp >= self.newest:
             self.newest = stamp
             return None
-        return "older than a setpoint that came before it" if ordered else None
+        return "older than a setpoint that arrived before it" if ordered else None
 
 
 class AgeCheck:
@@ -145,10 +145,10 @@ class AgeCheck:
         # The sender's own record may have been evicted since, by many other senders.
         own = last if last.by == session else self._sessions[session].stop
         if stamp < own.stamp and own.at >= since and (moves or not own.shared):
-            return "asked before a stop that came before it"
+            return "sent before a stop that arrived first"
         decided = last.by == session and not (last.shared and ordered)
         if moves and not decided and last.at >= since and stamp - self._skew < last.wall:
-            return "asked before somebody's stop, or so soon after it that nobody can tell"
+            return "sent before another sender's stop, or too soon after it to be sure"
         return None
 
     def _advice(self) -> str:

@@ -180,7 +180,7 @@ def _step_trouble(start: Vector3, steps: Sequence[tuple[int, Vector3]], other: O
 
 def _silence(other: Occupant) -> str:
     """Return how long a robot has been silent, as text; empty when it is not."""
-    return f" ({other.name} has not said where it is for {other.age:.0f} s)" if other.age > FRESH else ""
+    return f" ({other.name} has not reported its position for {other.age:.0f} s)" if other.age > FRESH else ""
 
 
 def must_brake(robot: Occupant, other: Occupant) -> bool:

@@ -40,8 +40,8 @@ class StickReleaseInterlock:
             self._stopped.remove(driver)
             return None
         self._last[driver] = now
-        pause = f"{self.pause:g} s without a velocity, or one of zero"
-        return f"somebody else stopped it: let go ({pause}), then drive again"
+        pause = f"{self.pause:g} s without a velocity, or a zero velocity"
+        return f"another sender stopped it: release the stick ({pause}), then drive again"
 
     def _forget(self, now: float) -> None:
         """Remove drivers that no longer drive."""

@@ -153,7 +153,7 @@ class WorkerManager:
             if self._gone.is_set() and running:
                 return "vanished from the bus (frozen or killed)"
             if (running and now - self._beat > SILENT_AFTER) or (not running and now > deadline):
-                return "hangs: its event loop does not turn" if running else "did not start in time"
+                return "hangs: its event loop is blocked" if running else "did not start in time"
 
     async def _give_up(self, process: asyncio.subprocess.Process, exited: asyncio.Future[int]) -> None:
         """Halt the robots of a hanging process, and kill it."""

@@ -808,9 +808,9 @@ async def test_what_was_asked_before_a_stop_and_arrives_after_it_is_refused(benc
     bench.ask(stop if how == "stop" else Navigate(Control.STOP, "", stop.origin, now - 0.2))
     await asks.settle()
     refused = await asked(late, "a1", now - 0.3)
-    assert refused.reason == "asked before a stop that came before it"
+    assert refused.reason == "sent before a stop that arrived first"
     others = await asked(late, "a2", now - 0.1, session="bert")  # whose clock is another
-    assert others.reason.startswith("asked before somebody's stop, or so soon after it")
+    assert others.reason.startswith("sent before another sender's stop, or too soon after it")
     assert (await asked(late, "a3", now - 0.1)).ok, "who stopped knows what came after it"
 
 
@@ -931,7 +931,7 @@ async def test_a_stop_says_that_it_was_written_only_where_it_could_be(make_bench
     bench = make_bench()
     bench.controller.lost("silent")
     (answer,) = bench.ask(asks.command("stop"))
-    assert answer.reason.endswith("silent; the stop was written, nobody answers")
+    assert answer.reason.endswith("silent; the stop was written, but the robot does not answer")
     bench.controller.attach(bench.puppet)  # a new run, which has heard nothing yet
     (answer,) = bench.ask(asks.command("stop"))
     assert answer.reason.endswith("may not have been written: it has not been heard since its adapter began")
