@@ -287,7 +287,7 @@ def test_a_worker_holds_its_robots_before_the_edge_s_word_and_while_the_edge_is_
     held = HeldByEdge(
         {robot: latches[robot] for robot in named}, ended=lambda *told: ended.append(told), clock=clock
     )
-    assert "has not told yet" in latches["max"].refusal()
+    assert "has not confirmed" in latches["max"].refusal()
     assert latches["kestrel"].refusal() is None, "no input names it"
     held.take(b'{"max": "stop input button has not been heard yet"}')
     assert latches["max"].refusal() == "stop input button has not been heard yet"

@@ -211,7 +211,7 @@ async def test_a_stick_that_is_held_does_not_undo_somebody_else_s_stop(bench, as
     for _ in range(20):
         bench.clock.advance(0.1)
         (answer,) = bench.ask(asks.setpoint(session="anna"))
-        assert "somebody else stopped it" in answer.reason
+        assert "another sender stopped it" in answer.reason
     assert not bench.controller.in_motion
     bench.clock.advance(0.6)
     assert statuses(bench.ask(asks.setpoint(session="anna"))) == [ACCEPTED]
