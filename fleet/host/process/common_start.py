@@ -21,9 +21,11 @@ import msgspec
 from fleet.bus import keys
 from fleet.bus.zenoh_session import Query
 from fleet.errors import WireError
+from fleet.host.process.permitted_requests import PermittedRequests
 from fleet.host.process.robot_process import RobotProcess
 from fleet.host.requests.answering import answer_to
 from fleet.host.requests.decode import Ask
+from fleet.host.requests.event_reporter import with_proof
 from fleet.host.requests.receipt import Receipt
 from fleet.host.robot.dry_run import against
 from fleet.host.robot.local_robot import LocalRobot
@@ -63,6 +65,7 @@ class CommonStarts:
     def __init__(self, process: RobotProcess) -> None:
         self._process = process
         self._loop, self._clock = process.loop, process.clock
+        self._permitted = PermittedRequests(process.askers)
         self._prepared: dict[str, _Prepared] = {}
         self._alive: set[str] = set()
         self._tasks: set[asyncio.Task[None]] = set()
@@ -73,7 +76,8 @@ class CommonStarts:
 
         def serve(robot: LocalRobot) -> Callable[[], None]:
             robot.controller.event_reporter.heard = partial(self._interrupted, robot.name)
-            return control.answer(keys.prepare(edge, robot.name), partial(self._asked_to_prepare, robot))
+            asked = partial(self._asked_to_prepare, robot)
+            return control.answer(keys.prepare(edge, robot.name), asked, more=keys.ASKER)
 
         self._process.services.append(serve)
         control.answer(keys.starts(edge), self._asked)
@@ -88,9 +92,9 @@ class CommonStarts:
         if not stop_in(question.payload, cast("Kind", kind) if kind in KINDS else "command"):
             self._loop.call_soon_threadsafe(self._begin_to_prepare, robot, question)
             return
-        take = robot.read(
-            cast("Kind", kind if kind in KINDS else "command"), question.payload, way=Transport.BUS
-        )
+        read = cast("Kind", kind if kind in KINDS else "command")
+        proven = self._process.askers.proven(question)
+        take = robot.read(read, question.payload, way=Transport.BUS, proven=proven)
         if take is not None:
             self._loop.call_soon_threadsafe(take, answer_to(question, waits=False))
 
@@ -134,7 +138,10 @@ class CommonStarts:
         try:
             ask = _read(robot, question)
             name = ask.name
-            trouble = self._against(robot, ask, start) or await self._unready(robot, ask)
+            trouble = self._permitted.refusal_of(robot, question, ask)
+            proven = self._process.askers.proven(question)
+            ask = ask if proven is None else with_proof(ask, proven)
+            trouble = trouble or self._against(robot, ask, start) or await self._unready(robot, ask)
             trouble = trouble or self._against(robot, ask, start)
         except WireError as error:
             trouble = str(error)
@@ -168,7 +175,7 @@ class CommonStarts:
             if (reply.done is not None or not reply.ok) and not ended.done():
                 ended.set_result(reply)
 
-        robot.begin(Command(READY, origin=ask.origin), Receipt(READY, told, waits=True))
+        robot.requests.begin(Command(READY, origin=ask.origin), Receipt(READY, told, waits=True))
         try:
             reply = await asyncio.wait_for(ended, READY_WITHIN)
         except TimeoutError:
@@ -220,7 +227,7 @@ class CommonStarts:
                 continue
             # the agreed instant counts as the time of the request
             stamp = None if one.ask.stamp is None else one.stamp
-            one.robot.begin(msgspec.structs.replace(one.ask, stamp=stamp), one.receipt)
+            one.robot.requests.begin(msgspec.structs.replace(one.ask, stamp=stamp), one.receipt)
 
     # -- cancellation ----------------------------------------------------------------------------------
 
@@ -282,7 +289,7 @@ def _read(robot: LocalRobot, question: Query) -> Command | Navigate:
     if kind not in KINDS:
         raise WireError(f"{kind[:40]!a} is nothing that is started together; one of {', '.join(KINDS)}")
     way = Transport.CLOUD if question.parameters.get("way") == "cloud" else Transport.BUS
-    ask: Ask | None = robot.ask_of(
+    ask: Ask | None = robot.requests.ask_of(
         cast("Kind", kind), question.payload, way=way, request_id=question.parameters.get("id", "")
     )
     if ask is None or isinstance(ask, Setpoint | JointSetpoint) or ask.name in STOP_WORDS:

@@ -11,27 +11,9 @@ from fleet.host.requests.event_reporter import robot_log
 from fleet.host.requests.receipt import Receipt
 from fleet.host.runtime.blocking_calls import STOPPING
 from fleet.host.runtime.cancellation import wait_bounded
-from fleet.runtime.exception_barrier import call_guarded, guarded
+from fleet.runtime.exception_barrier import guarded
 
 STOP_TIMEOUT = 5.0  # s; limit for an adapter to bring its robot to a standstill
-
-
-def write_halt(adapter: Adapter[Any] | None, name: str, *, emergency: bool) -> None:
-    """Make an adapter write its halt at once; from any thread; never raises."""
-    try:
-        if adapter is not None:
-            call_guarded(adapter.emergency_halt if emergency else adapter.halt)
-    except Exception:  # noqa: BLE001 - logged
-        robot_log(name).exception("its halt failed")
-
-
-def what_was_written(adapter: Adapter[Any] | None, *, heard: bool) -> str:
-    """Return text on the halt of an unreachable robot; ``heard``: it was heard since its adapter began."""
-    if adapter is None:
-        return "the stop was not written: no link to it is open"
-    if not heard:
-        return "the stop may not have been written: it has not been heard since its adapter began"
-    return "the stop was written, but the robot does not answer"
 
 
 async def stand_still(adapter: Adapter[Any], why: str, *, name: str, halt: Callable[[], None]) -> None:
