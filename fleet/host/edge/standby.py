@@ -140,7 +140,7 @@ class Standby:
         """Return the robots whose emergency stop is set, with its cause."""
         return self._stops.listed
 
-    def vouched(self, epoch: int, until: float) -> None:
+    def permit_writes(self, epoch: int, until: float) -> None:
         """Permit writing to the links of this epoch until ``until``, also for the supervisor's copies."""
         self._process.supervised.write_until(until)
         self._gate.until = until
