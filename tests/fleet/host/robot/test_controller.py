@@ -765,6 +765,42 @@ async def test_a_stop_that_the_loss_broke_off_is_begun_anew(bench, asks):
     assert bench.puppet.told.count("stop") == 2
 
 
+@pytest.mark.parametrize("stops", [LinkLost("gone"), NotReady("busy"), "never"])
+@pytest.mark.parametrize("ended_by", ["a stop", "its own failure"])
+async def test_a_robot_whose_stop_was_not_seen_before_it_was_lost_is_stopped_when_it_is_back(
+    bench, asks, ended_by, stops
+):
+    bench.puppet.stops = stops
+    bench.puppet.raises = LinkLost("gone") if ended_by == "its own failure" else None
+    bench.ask(asks.goal())
+    await asks.settle()
+    if ended_by == "a stop":
+        bench.ask(asks.command("stop"))
+        await asks.settle()
+    assert not bench.controller.in_motion
+    bench.controller.lost("no heartbeat")
+    before = len(bench.puppet.told)
+    bench.puppet.stops, bench.puppet.raises = "", None
+    bench.puppet.go.set()
+    bench.controller.found()
+    await asks.settle()
+    assert bench.puppet.told[before:] == ["stop"]
+
+
+async def test_a_robot_that_did_what_was_asked_after_a_stop_failed_is_left_alone_when_it_is_back(bench, asks):
+    bench.puppet.stops = NotReady("busy")
+    bench.ask(asks.command("stop"))
+    await asks.settle()
+    bench.puppet.go.set()
+    bench.ask(asks.goal())
+    await asks.settle()
+    before = len(bench.puppet.told)
+    bench.controller.lost("no heartbeat")
+    bench.controller.found()
+    await asks.settle()
+    assert "stop" not in bench.puppet.told[before:]
+
+
 @pytest.mark.parametrize("meanwhile", ["nothing", "land", "pilot"])
 async def test_one_that_stood_or_landed_or_has_a_pilot_is_left_alone_when_it_is_back(bench, asks, meanwhile):
     bench.puppet.land = bench.puppet.go.wait  # it takes its time
