@@ -56,4 +56,4 @@ class AttachedAdapter:
             return "the stop was not written: no link to it is open"
         if not self._answered:
             return "the stop may not have been written: it has not been heard since its adapter began"
-        return "the stop was written, nobody answers"
+        return "the stop was written, but the robot does not answer"

@@ -51,6 +51,7 @@ class RobotMotion:
         )
         self.in_control = False
         self.may_be_moving = journal.cut_off
+        self._stop_unconfirmed = False  # a stop has begun, and no standstill was seen since
         self._attached = attached
         self._guard = guard
         self._event_reporter = event_reporter
@@ -68,7 +69,7 @@ class RobotMotion:
 
     def begin(self, ask: Ask) -> None:
         """Note that a request moves the robot from now on: this edge is in control."""
-        self.in_control = True
+        self.in_control, self._stop_unconfirmed = True, False
         self._event_reporter.moves(ask)
 
     def end_driving(self, adapter: Adapter[Any]) -> None:
@@ -91,8 +92,9 @@ class RobotMotion:
         self.navigator.fail(why)
 
     def lost(self) -> None:
-        """Note, as the robot is lost, whether it may go on moving: nothing can stop it now."""
-        self.may_be_moving = (self.under_way or self.executor.stopping) and not self.executor.safe
+        """Note that the robot is out of reach: whether it may go on moving, since nothing can stop it now."""
+        moving = self.under_way or self.executor.stopping or self._stop_unconfirmed
+        self.may_be_moving = moving and not self.executor.safe
 
     def found(self) -> None:
         """Stop a robot that is back after it was lost in motion: it may still be moving."""
@@ -113,8 +115,12 @@ class RobotMotion:
         """Stop the robot in time, or halt it; raises CommandError, LinkError, or what the adapter raised."""
         self.driving.let_go()
         adapter = self._attached.adapter
-        if adapter is not None:
-            await stand_still(adapter, why, name=self._attached.name, halt=self._attached.halt)
+        if adapter is None:
+            return
+        # A link that fails often fails the action or the stop first, and is lost only after that.
+        self._stop_unconfirmed = True
+        await stand_still(adapter, why, name=self._attached.name, halt=self._attached.halt)
+        self._stop_unconfirmed = False
 
     def stand(self, why: str, receipt: Receipt) -> None:
         """Stop the robot, and answer once it stands; later moving requests wait for that."""
