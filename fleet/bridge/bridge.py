@@ -1,4 +1,4 @@
-"""The bridge of one edge: its own twins, both ways, their heartbeat, and who else claims them."""
+"""The bridge of one edge: both directions of its twins, their heartbeats, and conflicts with other edges."""
 
 from __future__ import annotations
 
@@ -41,9 +41,9 @@ HEARTBEAT = 5.0  # s between edge_health messages of a twin (contract 9.2)
 
 
 class BridgeRules(msgspec.Struct, frozen=True):
-    """What crosses: of each twin, environment and workflow (by uuid), and of workflow runs of any uuid.
+    """Forwarding rules: by UUID for each twin, environment and workflow; one rulebook for all workflow runs.
 
-    ``ignored_edges`` are edges whose heartbeat does not claim a twin.
+    Heartbeats of ``ignored_edges`` claim no twin.
     """
 
     twins: dict[str, Rulebook]
@@ -54,13 +54,13 @@ class BridgeRules(msgspec.Struct, frozen=True):
 
 
 class Bridge:
-    """Everything between the bus and one broker.
+    """The connection between the bus and one broker.
 
-    ``alive`` tells whether a robot answers. ``put`` publishes on the bus. ``claimed`` hears twin and edge
-    when the cloud shows another edge that has the twin, with an empty name when it has let go. ``spool``
-    keeps what is durable; it is closed with the bridge. ``handlers`` take, by suffix, what the edge itself
-    is asked.
-    ``voice`` says what the edge says itself, ``streams`` are what programs on the bus send by themselves.
+    ``alive`` returns whether a robot answers. ``put`` publishes on the bus. ``claimed`` is called with twin
+    and edge when heartbeats in the cloud show that another edge serves the twin, and with an empty edge name
+    when that edge is gone. ``spool`` stores durable messages; it is closed with the bridge. ``handlers``
+    handle, by topic suffix, requests to the edge itself. ``voice`` publishes the messages of the edge itself;
+    ``streams`` are the video streams of programs on the bus.
     """
 
     def __init__(
@@ -88,7 +88,7 @@ class Bridge:
         self.refusals = RateLimitedCounter(log, clock)
 
         def publish(topic: str, payload: bytes, **how: Any) -> bool:
-            return self.client.publish(topic, payload, **how)  # it is built after those that publish
+            return self.client.publish(topic, payload, **how)  # the client is built after its publishers
 
         self.voice = EdgePublisher(topics, edge=edge, session=session, publish=publish, clock=clock)
         self._held: dict[str, str] = {}
@@ -146,19 +146,19 @@ class Bridge:
 
     @property
     def health(self) -> Health:
-        """How the cloud's connection is."""
+        """Health of the cloud connection."""
         client = self.client
-        if client.state is CloudState.CONNECTED:  # its cause is what the broker does not let us hear
+        if client.state is CloudState.CONNECTED:  # the cause: subscriptions that the broker refuses
             return degraded(client.cause or client.spool.problem)
         level = Level.FAULT if client.state is CloudState.REFUSED else Level.DEGRADED
         return Health(level, f"cloud {client.state.value}: {client.cause}")
 
     def start(self) -> None:
-        """Begin to connect."""
+        """Start to connect."""
         self.client.start()
 
     def close(self) -> None:
-        """Say that every twin is disconnected, and leave."""
+        """Report every twin as disconnected, then close the connection."""
         for port in self._served():
             self.voice.tell(port, "disconnected", {"reason": "the edge ends"})
             if self._alive(port.name) and port.twin not in self.uplink.streaming:
@@ -166,7 +166,7 @@ class Bridge:
         self.client.close()
 
     def join(self, port: RobotPort, rules: Rulebook) -> None:
-        """Serve a twin from now on, or another robot of a twin that is served; on the loop."""
+        """Start to serve a twin, or replace the robot of a twin that is served; on the loop."""
         before = self._ports.get(port.twin)
         if before is None:
             self.streams.join(port.twin)
@@ -180,7 +180,7 @@ class Bridge:
         self._resubscribe()
 
     def leave(self, twin: str) -> None:
-        """Serve a twin no more, and say that it is disconnected; on the loop."""
+        """Stop serving a twin and report it as disconnected; on the loop."""
         port = self._ports.get(twin)
         if port is None:
             return
@@ -196,30 +196,30 @@ class Bridge:
         self._resubscribe()
 
     def _resubscribe(self) -> None:
-        """Hear what is for the twins that are served now."""
+        """Subscribe to the topics of the twins that are served now."""
         self._pings = any("pong:response" in book.inward for book in self._rules.twins.values())
         self.client.resubscribe(subscriptions(self._topics, self._rules))
         self.client.flush_queued()
 
     def heard(self, samples: Iterable[tuple[str, bytes]]) -> None:
-        """Take what others said on the bus, by key; on the bus's thread. Events of it leave at once."""
+        """Handle samples of other programs on the bus, by key; on the bus thread. Events are sent at once."""
         for key, sample in samples:
             self.uplink.arrived(key, sample)
         self.client.flush_queued()
 
     def turn(self) -> Iterator[None]:
-        """Publish what is due, step by step; at the end of each turn of the wheel."""
+        """Publish the due messages step by step; at the end of each tick of the scheduler."""
         self.downlink.deny()
         yield from self.uplink.turn()
         self.client.flush_queued()
 
     def last_words(self) -> DisconnectPlan:
-        """Return what the cloud is to be told when this process dies."""
+        """Return the messages for the cloud in case this process dies."""
         topics = tuple(self._topics.twin(port.twin, "telemetry") for port in self._served())
         return DisconnectPlan(self._settings, self.session, topics)
 
     def hold(self, twin: str, holder: str) -> bool:
-        """Leave a twin to another edge, or take it back when ``holder`` is empty; False: it is so already."""
+        """Leave a twin to another edge, or take it back if ``holder`` is empty; False if nothing changes."""
         if twin not in self._ports or holder == self._held.get(twin, ""):
             return False
         if holder:
@@ -235,9 +235,9 @@ class Bridge:
     def beat(
         self, extra: Mapping[str, object], edge: EdgeState | None = None, robots: Iterable[RobotState] = ()
     ) -> None:
-        """Publish the heartbeat of every twin, with how its robot is, and the edge's own.
+        """Publish the heartbeat of every twin, with the health of its robot, and the state of the edge.
 
-        ``extra``: host figures.
+        ``extra`` holds figures of the host.
         """
         states = {state.twin: state for state in robots}
         self._conflicts.look()
@@ -258,34 +258,34 @@ class Bridge:
         self.client.flush_queued()
 
     def _will(self) -> Will | None:
-        """Return what the broker says when we vanish; a connection has one will, so for one twin."""
+        """Return the will. A connection has only one, so it covers the first twin only."""
         for port in list(self._ports.values()):
             topic, payload = self.voice.telemetry(port, "disconnected", {"reason": "the edge vanished"})
             return Will(topic, payload, qos=1)
         return None
 
     def _served(self) -> list[RobotPort]:
-        """Return the robots whose twins no other edge has."""
+        """Return the robots whose twins no other edge holds."""
         return [port for twin, port in list(self._ports.items()) if twin not in self._held]
 
     def _ping(self) -> None:
-        """Ask how far the cloud is, by the first twin."""
+        """Ping the cloud on the first twin, to measure the round trip."""
         for twin in self._ports:
             self.voice.ping(twin)
             return
 
     def _heard_ping(self, topic: Topic, message: CloudMessage) -> None:
-        """Answer a ping at one of our twins."""
+        """Answer a ping on one of our twins."""
         check_ping(message.payload)
         if topic.twin in self._ports and topic.twin not in self._held:
             self.voice.pong(self._ports[topic.twin])
 
     def _heard_pong(self, _topic: Topic, message: CloudMessage) -> None:
-        """Take the cloud's answer to our ping."""
+        """Handle the pong of the cloud."""
         self.round_trip.heard(message.payload)
 
     def _tell_gap(self, gap: Gap) -> None:
-        """Say on the twin's telemetry that messages of a topic were lost."""
+        """Report on the telemetry of a twin that messages of a topic were lost."""
         parsed = self._topics.parse(gap.topic)
         port = self._ports.get(parsed.twin) if parsed else None
         if parsed is None or port is None:
@@ -294,20 +294,21 @@ class Bridge:
         self.voice.tell_gap(port, parsed.suffix, gap)
 
     def _state_changed(self, state: CloudState, cause: str) -> None:
-        """Tell how the connection stands, and a broker that is back how everything is now."""
+        """Log the new connection state; after a reconnect, publish the current state of everything."""
         fallen = state in (CloudState.DISCONNECTED, CloudState.REFUSED)
         deaf = state is CloudState.CONNECTED and cause
         level = logging.WARNING if fallen or deaf else logging.INFO
         log.log(level, "cloud %s%s", state.value, f": {cause}" if cause else "")
         if state is CloudState.CONNECTED:
             self.uplink.say_newest()
-            self.client.flush_queued()  # how everything is now, before what waited meanwhile
+            self.client.flush_queued()  # the current state first, then the queue
             self._say_who_is_connected()
 
     def _say_who_is_connected(self) -> None:
-        """Take back the will: the broker may have told everybody that we vanished.
+        """Correct the connection states in the cloud.
 
-        What an edge before this one said last may be that a robot is connected which does not answer now.
+        The broker may have published our will, and a previous run of the edge may have left robots as
+        connected that do not answer now.
         """
         first = self.client.stats.connects == 1
         for port in self._served():
@@ -320,7 +321,7 @@ class Bridge:
 
 
 def subscriptions(topics: Topics, rules: BridgeRules) -> dict[str, int]:
-    """Return what to subscribe to: filter to QoS; no two of them overlap."""
+    """Return the subscriptions: filter to QoS. No two filters overlap."""
     filters = {
         topics.filter(rule.suffix, uuid): rule.qos
         for books in (rules.twins, rules.environments, rules.workflows)
@@ -332,6 +333,6 @@ def subscriptions(topics: Topics, rules: BridgeRules) -> dict[str, int]:
 
 
 def _infos(ports: Mapping[str, RobotPort], rules: BridgeRules) -> dict[str, TwinInfo]:
-    """Return what the uplink knows of each twin, and of each environment, which has no robot."""
+    """Return the outbound settings of each twin, and of each environment, which has no robot."""
     twins = {twin: TwinInfo(port.name, port.source_type, rules.twins[twin]) for twin, port in ports.items()}
     return twins | {uuid: TwinInfo("", "edge", book) for uuid, book in rules.environments.items()}

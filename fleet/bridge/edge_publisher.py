@@ -1,4 +1,4 @@
-"""What the edge says itself to the cloud: heartbeats, pings, who came and went, what was lost, answers."""
+"""Messages of the edge itself to the cloud: heartbeats, pings, connections, lost messages, replies."""
 
 from __future__ import annotations
 
@@ -20,9 +20,10 @@ from fleet.wire.topics import Topics
 
 
 class EdgePublisher:
-    """Says it on the topics of twins; ``publish`` is the client's, ``session`` stands on every message.
+    """Publishes the edge's own messages on the topics of its twins.
 
-    ``said`` counts the messages. Queued messages are sent when the client is flushed.
+    ``publish`` belongs to the client; ``session`` is in every message; ``said`` counts the messages. Queued
+    messages are sent when the client is flushed.
     """
 
     def __init__(
@@ -48,7 +49,7 @@ class EdgePublisher:
         self._publish(*self.telemetry(port, kind, fields), qos=1, later=True)
 
     def tell_gap(self, port: RobotPort, suffix: str, gap: Gap) -> None:
-        """Queue that messages of a twin's topic were lost."""
+        """Queue a report that messages of a twin's topic were lost."""
         fields = {
             "leaf": suffix,
             "reason": gap.reason,
@@ -59,7 +60,7 @@ class EdgePublisher:
         self.tell(port, "gap", fields)
 
     def beat_edge(self, edge: EdgeState, robots: Iterable[RobotState]) -> None:
-        """Queue the edge's own roll-up."""
+        """Queue the state of the edge with all its robots."""
         self.said.add(TrafficClass.LATEST)
         payload = edge_state(edge, robots, session=self._session)
         self._publish(self._topics.edge(self._edge), payload, later=True)
@@ -67,9 +68,10 @@ class EdgePublisher:
     def beat(
         self, port: RobotPort, extra: Mapping[str, object], streams: Mapping[str, Mapping[str, object]]
     ) -> None:
-        """Queue the heartbeat of a twin; ``extra``: figures of the host, and how the robot is.
+        """Queue the heartbeat of a twin.
 
-        ``streams`` are those of the bus's programs.
+        ``extra`` holds figures of the host and the health of the robot; ``streams`` are those of programs on
+        the bus.
         """
         payload = edge_health(
             twin=port.twin,
@@ -85,13 +87,13 @@ class EdgePublisher:
         self._publish(self._topics.twin(port.twin, "edge_health"), payload, later=True)
 
     def ping(self, twin: str) -> None:
-        """Ask how far the cloud is, at once, for it is timed."""
+        """Ping the cloud; sent immediately, because the round trip is measured."""
         payload = ping(stamp=self._clock.time(), session=self._session)
         self.said.add(TrafficClass.LATEST)
         self._publish(self._topics.twin(twin, "ping:request"), payload)
 
     def pong(self, port: RobotPort) -> None:
-        """Answer a ping at a twin, at once, for it is timed."""
+        """Answer a ping on a twin; sent immediately, because the round trip is measured."""
         payload = pong(
             stamp=self._clock.time(),
             edge_id=self._edge,
@@ -102,7 +104,7 @@ class EdgePublisher:
         self._publish(self._topics.twin(port.twin, "pong:response"), payload)
 
     def status(self, uuid: str, suffix: str, payload: bytes) -> None:
-        """Publish a status at once, on the topic of a suffix; it is kept until the cloud has it."""
+        """Publish a status immediately on the topic of a suffix; it is kept until acknowledged."""
         rule = rule_of(suffix)
         self.said.add(TrafficClass.STATUS)
         topic = self._topics.twin(uuid, suffix)
@@ -111,13 +113,13 @@ class EdgePublisher:
         )
 
     def tell_end(self, port: RobotPort, reply: Reply) -> None:
-        """Publish the final status of a command for which no process waits any more."""
+        """Publish the final status of a command whose process is gone."""
         if port.legacy_status:
             payload = legacy_status(reply, stamp=self._clock.time(), source_type=port.source_type)
             self.answer(self._topics.twin(port.twin, "command"), payload)
 
     def answer(self, topic: str, payload: bytes, *, correlation: bytes | None = None) -> None:
-        """Publish an answer at once; nobody waits for it longer than its rule says."""
+        """Publish a reply immediately; it expires as the rule of its topic says."""
         parsed = self._topics.parse(topic)
         rule = rule_of(parsed.suffix) if parsed else None
         self.said.add(TrafficClass.REPLY)

@@ -1,8 +1,8 @@
-"""From the bus to the cloud: the newest of each state at its rate, every event in order, translated.
+"""From the bus to the cloud: the newest sample of each state at its rate, every event in order.
 
-Events are translated and published as they come, on whatever thread brings them. Of state the newest is
-stored, and what is due published once a turn of the wheel; that of this process's own robots, if it is small
-and due, at once. How often, how large and whether at all is in the twin's rulebook.
+Events are translated and published on the thread on which they arrive. Of a state the newest sample is
+stored, and published once it is due, at the end of a tick; small due states of this process's own robots are
+published immediately. The rulebook of the twin decides rates, sizes, and which channels are forwarded.
 """
 
 from __future__ import annotations
@@ -31,29 +31,29 @@ from fleet.wire.topics import Topics, data_key, parse_data_key
 
 log = logging.getLogger(__name__)
 
-STEP = 8  # samples in one step of a turn
-LOOKS = 100  # looks for what must be repeated in one step
-STRANGERS = 10_000  # keys that are remembered as not ours; anybody on the bus can invent more
+STEP = 8  # samples in one step of a tick
+LOOKS = 100  # channels checked for repetition in one step
+STRANGERS = 10_000  # bound of the remembered keys: any program on the bus can create more
 TELL_EVERY = 10.0  # s between warnings of dropped events
 
 OpenWay = Callable[[str, TopicRule], Way]
-"""Opens the way to a topic by its rule, once."""
+"""Returns the publish route of a topic with its rule; called once for each topic."""
 
 
 class Client(Protocol):
-    """What takes payloads, each by its way, until the end of the turn."""
+    """Queue for payloads, each with its route, until the end of the tick."""
 
     def queue(self, way: Way, payload: bytes) -> None:
-        """Take one."""
+        """Queue one payload."""
 
 
 class Uplink:
     """The bus-to-cloud half of the bridge.
 
-    ``session`` is stamped on every payload. ``alive`` tells whether a robot answers, so that only what is
-    still true is repeated. ``waiting`` tells how many bytes wait to be sent: streams are dropped first.
-    ``full`` tells that the network does not take them: of state the newest waits here until it does.
-    ``held`` holds the twins that another edge has: nothing is said of them.
+    ``session`` is put into every payload. ``alive`` returns whether a robot answers: only then its state is
+    repeated. ``waiting`` returns the number of bytes that wait to be sent: streams are dropped first.
+    ``full`` returns whether the network accepts no more data: the newest sample of each state then waits
+    here. ``held`` has the twins that another edge holds: nothing of them is published.
     """
 
     def __init__(
@@ -78,18 +78,18 @@ class Uplink:
         self._alive = alive
         self._waiting = waiting
         self._full = full
-        self._held_up = False  # the way was full at the last turn
-        self._backlog = 0  # bytes that waited to be sent then
+        self._held_up = False  # the network was full at the last tick
+        self._backlog = 0  # bytes that waited to be sent at the last tick
         self._clock = clock
         self._slots: dict[str, OutboundChannel | None] = {}
         self._repeated: list[OutboundChannel] = []
-        # Filled on the bus's threads and emptied on the loop, each step atomic: nothing is ever swapped.
+        # Filled on threads of the bus, emptied on the loop, each step atomic: never replace the deque.
         self._fresh: deque[OutboundChannel] = deque()
         self._next_repeat = float("-inf")
         self._next_tell = float("-inf")
         self._told = 0
         self.held: frozenset[str] = frozenset()
-        self.streaming: set[str] = set()  # twins of which a program on the bus has streams
+        self.streaming: set[str] = set()  # twins with video streams of a program on the bus
         self.refusals = refusals
         self.events = EventLimits()
         self.received = ClassCounts()
@@ -99,13 +99,13 @@ class Uplink:
 
     @property
     def waiting(self) -> int:
-        """How many samples wait for their turn."""
+        """The number of samples that wait for a later tick."""
         return len(self._fresh)
 
     def arrived(self, key: str, sample: bytes) -> None:
-        """Take a sample from the bus; any thread, never blocks."""
+        """Handle a sample from the bus; any thread, never blocks."""
         try:
-            slot = self._slots[key]  # one look: another thread may drop it
+            slot = self._slots[key]  # a single lookup: another thread may remove it
         except KeyError:
             slot = self._meet(key)
             if slot is not None and not slot.document:
@@ -119,10 +119,10 @@ class Uplink:
         self._take(slot, sample)
 
     def open(self, key: str) -> OutboundChannel | None:
-        """Return where this process's own reports of a key cross; None when none may.
+        """Return the outbound channel of this process's own reports of a key; None if it is not forwarded.
 
-        From then on nobody else's do: a robot's state is its own to tell. Of events others tell theirs, but
-        none in the fleet's name.
+        From then on, samples of other programs on the key are refused: only this process reports the state of
+        its robots. Other programs may still publish their own events, but none in the format of the fleet.
         """
         try:
             slot = self._slots[key]
@@ -133,7 +133,7 @@ class Uplink:
         return slot
 
     def drop(self, twin: str) -> None:
-        """Decide anew what crosses of a twin: its robot is gone, or another one; on the loop."""
+        """Forget the channels of a twin after its robot was removed or replaced; on the loop."""
         begin = f"cw/{twin}/"
         for key in [key for key in list(self._slots) if key.startswith(begin)]:
             slot = self._slots.pop(key)
@@ -142,14 +142,14 @@ class Uplink:
         self.streaming.discard(twin)
 
     def own(self, twins: Iterable[str]) -> None:
-        """Take no event in the fleet's name from the bus of robots that run in this process."""
+        """Refuse events in the format of the fleet from the bus for robots that run in this process."""
         for twin in twins:
             self.open(data_key(twin, EventReport.channel))
 
     def cross(self, batch: Sequence[tuple[OutboundChannel, Report]]) -> None:
-        """Take this process's own reports, each with where it crosses; on the loop.
+        """Forward this process's own reports, each with its outbound channel; on the loop.
 
-        What is small and due crosses there and then, while it is at hand.
+        Small reports that are due are sent immediately instead of queued for the tick.
         """
         now, held_up, backlog = self._clock.monotonic(), self._held_up, self._backlog
         for slot, report in batch:
@@ -163,7 +163,7 @@ class Uplink:
                 self._take(slot, report)
 
     def _take(self, slot: OutboundChannel, sample: Report | bytes) -> None:
-        """Take a sample: an event crosses at once, of a state the newest is kept for the turn."""
+        """Send an event immediately; of a state keep the newest sample for the tick."""
         if slot.parted:
             try:
                 slot, sample = self._part(slot, sample)
@@ -188,21 +188,21 @@ class Uplink:
             self._fresh.append(slot)
 
     def _part(self, slot: OutboundChannel, sample: Report | bytes) -> tuple[OutboundChannel, Report]:
-        """Return where a message of a channel with several states crosses, read; raises WireError."""
+        """Return channel and report of one part of a channel with several states; raises WireError."""
         report = decode_report(slot.channel, sample) if isinstance(sample, bytes) else sample
         if ends_every_stream(report) and slot.twin in self.streaming:
             raise WireError("a program here has streams of this twin, which it would close; name a sensor")
         return slot.part(part_of(report)), report
 
     def _is_told(self, slot: OutboundChannel, sample: Report | bytes) -> bool:
-        """Tell an event of the fleet, unless it is cut; False for an event of another program."""
+        """Send an event of the fleet unless it is suppressed; False for an event of another program."""
         heard = sample if isinstance(sample, bytes) else None
         if isinstance(sample, bytes):
             if not is_of_the_fleet(sample, slot.channel):
                 return False
             try:
                 sample = decode_report(slot.channel, sample)
-            except WireError:  # told like any document that is not as it must be
+            except WireError:  # handled like any other invalid document
                 return False
         if isinstance(sample, EventReport) and sample.kind in TOLD_TO_THE_CLOUD:
             topic = self._topics.twin(slot.twin, slot.rule.suffix)
@@ -212,7 +212,7 @@ class Uplink:
         return True
 
     def turn(self) -> Iterator[None]:
-        """Publish the state that is due, a few samples a step."""
+        """Publish the state that is due, a few samples in each step."""
         now = self._clock.monotonic()
         self._held_up, self._backlog = self._full(), self._waiting()
         yield from self._send_newest(now)
@@ -223,7 +223,7 @@ class Uplink:
             self._tell_dropped(now)
 
     def say_newest(self) -> None:
-        """Publish now what is true of the robots that answer, whatever was sent before."""
+        """Publish the newest repeated state of all robots that answer, even if it was sent before."""
         now = self._clock.monotonic()
         for slot in self._repeated:
             if slot.sample and not slot.refused and self._alive(slot.info.robot):
@@ -231,7 +231,7 @@ class Uplink:
                 self._send(slot, slot.sample)
 
     def _send_newest(self, now: float) -> Iterator[None]:
-        """Send the newest of each state that is due; a stream only while the way is free."""
+        """Send the newest sample of each due state; of a stream only while the network accepts data."""
         for number in range(1, len(self._fresh) + 1):
             slot = self._fresh.popleft()
             if self._may_go(slot, now):
@@ -240,7 +240,7 @@ class Uplink:
                 yield
 
     def _may_go(self, slot: OutboundChannel, now: float) -> bool:
-        """Tell whether a slot's newest sample goes now; else it stays for a later turn, or is dropped."""
+        """Return whether to send the newest sample now; otherwise it stays queued, or is dropped."""
         if now < slot.due or (self._held_up and not slot.streams):
             self._fresh.append(slot)
             return False
@@ -252,7 +252,7 @@ class Uplink:
         return True
 
     def _tell_dropped(self, now: float) -> None:
-        """Warn of events that were lost since the last warning."""
+        """Log events that were dropped since the last warning."""
         durable = self.dropped.durable
         lost = durable - self._told
         if lost and now >= self._next_tell:
@@ -260,7 +260,7 @@ class Uplink:
             log.warning("%d events came faster than they may cross to the cloud and were dropped", lost)
 
     def _repeat(self, now: float) -> Iterator[None]:
-        """Say again what has not changed for long: a reader cannot tell a parked robot from a gone one."""
+        """Repeat unchanged state: otherwise a subscriber cannot tell a parked robot from a lost one."""
         for number, slot in enumerate(self._repeated):
             silent = now - slot.sent >= slot.silence
             if silent and slot.sample and not slot.refused and self._alive(slot.info.robot):
@@ -271,7 +271,7 @@ class Uplink:
                 yield
 
     def _send(self, slot: OutboundChannel, sample: Report | bytes) -> None:
-        """Translate one sample and publish what it becomes; whatever is wrong with it is its own."""
+        """Translate and publish one sample; an error in it affects no other sample."""
         if slot.twin in self.held or slot.twin not in self._twins:
             return
         try:
@@ -281,13 +281,13 @@ class Uplink:
                 self._queue(slot, suffix, payload)
         except WireError as error:
             self._refuse(slot, error)
-        except Exception as error:  # noqa: BLE001 - the wall: it is one robot's
+        except Exception as error:  # noqa: BLE001 - exception barrier: other robots go on
             slot.refused = True
             line = "a sample on %s of %s did not cross: %s"
             self.refusals.add("failed", line, slot.channel, slot.twin, repr(error))
 
     def _queue(self, slot: OutboundChannel, suffix: str, payload: bytes) -> None:
-        """Publish one message; the way to its topic is opened once."""
+        """Queue one message; the route of its topic is cached."""
         if len(payload) > slot.size:
             line = "%s of %s: %d bytes are more than the %d of its rule"
             self.refusals.add("too large", line, suffix, slot.twin, len(payload), slot.size)
@@ -299,17 +299,17 @@ class Uplink:
         self._client.queue(way, payload)
 
     def _refuse(self, slot: OutboundChannel, error: WireError) -> None:
-        """Count what cannot cross, and tell why."""
+        """Count a sample that cannot be forwarded, with the reason."""
         slot.refused = True
         line = "a sample on %s of %s did not cross: %s"
         self.refusals.add("unreadable", line, slot.channel, slot.twin, error)
 
     def _meet(self, key: str) -> OutboundChannel | None:
-        """Decide what a key is, once: a slot of ours, or None for what does not cross."""
+        """Return the channel of a new key, None if it is not forwarded; the result is cached."""
         parsed = parse_data_key(key)
         twin = self._twins.get(parsed.twin) if parsed else None
         rule = twin.rules.outward.get(parsed.channel) if parsed and twin else None
-        # What a worker learned with one of a robot's sensors is seldom the robot's own state.
+        # A program's result from one sensor of a robot is seldom the state of the robot itself.
         if parsed is None or twin is None or rule is None or (parsed.sensor is not None and not rule.sensors):
             if parsed and twin and is_left_out(parsed):
                 line = "%.120s stays on the bus: no rule has it (cloud.channels in fleet.yaml adds one)"
@@ -327,7 +327,7 @@ class Uplink:
 
 
 def _tell_unread(slot: OutboundChannel, sample: bytes, refusals: RateLimitedCounter) -> None:
-    """Tell what of a program's messages does not cross, by the first that comes on a key."""
+    """Report the fields of a program's message that are not forwarded; for the first message of a key."""
     unread = unread_fields(slot.channel, sample)
     if unread:
         line = "of %s of %s these fields do not cross: %s"
@@ -335,7 +335,7 @@ def _tell_unread(slot: OutboundChannel, sample: bytes, refusals: RateLimitedCoun
 
 
 def _translated(slot: OutboundChannel, sample: Report | bytes, session: str) -> list[tuple[str, bytes]]:
-    """Return suffix and payload of each message that a sample becomes; raises WireError."""
+    """Return suffix and payload of each message for a sample; raises WireError."""
     if slot.document and isinstance(sample, bytes) and not is_of_the_fleet(sample, slot.channel):
         suffix, source_type = slot.suffix, slot.info.source_type
         return [(suffix, document_out(suffix, sample, source_type=source_type, session=session))]
