@@ -1,4 +1,4 @@
-"""How a network connection to the broker is opened, and why it could not be, in plain words."""
+"""Opens the network connection to the broker, with plain error messages."""
 
 from __future__ import annotations
 
@@ -17,10 +17,10 @@ _PLAIN = "is it the port for TLS? (a plain one wants tls: false)"
 
 
 def tls_context(settings: CloudSettings) -> ssl.SSLContext | None:
-    """Return what verifies the broker, None for a plain connection.
+    """Return the TLS context that verifies the broker, None for a plain connection.
 
-    Raises CloudError when the certificate file cannot be used, and for a plain connection that leaves this
-    computer without ``insecure``: it would show the token to the network.
+    Raises CloudError when the certificate file cannot be used, and for a plain connection to another computer
+    without ``insecure``: it would expose the token to the network.
     """
     if not settings.tls:
         if not (settings.insecure or _is_local(settings.host)):
@@ -36,7 +36,7 @@ def tls_context(settings: CloudSettings) -> ssl.SSLContext | None:
 
 
 async def open_socket(settings: CloudSettings, tls: ssl.SSLContext | None) -> socket.socket:
-    """Open the way to the broker; raise CloudError, or SessionRefused for an untrusted certificate."""
+    """Connect to the broker; raise CloudError, or SessionRefused for an untrusted certificate."""
     place = f"{settings.host}:{settings.port}"
     try:
         opened = await dial(settings.host, settings.port)
@@ -48,7 +48,7 @@ async def open_socket(settings: CloudSettings, tls: ssl.SSLContext | None) -> so
 
 
 async def _secured(opened: socket.socket, tls: ssl.SSLContext, host: str, place: str) -> socket.socket:
-    """Return the connection encrypted; raise CloudError, or SessionRefused for an untrusted certificate."""
+    """Return the connection with TLS; raise CloudError, or SessionRefused for an untrusted certificate."""
     try:
         return await secure(opened, tls, host)
     except ssl.SSLCertVerificationError as error:
@@ -64,7 +64,7 @@ async def _secured(opened: socket.socket, tls: ssl.SSLContext, host: str, place:
 
 
 def _is_local(host: str) -> bool:
-    """Tell whether a host is this computer, so that nothing can listen in between."""
+    """Return whether a host is this computer, so that nobody can listen in between."""
     try:
         return ipaddress.ip_address(host).is_loopback
     except ValueError:

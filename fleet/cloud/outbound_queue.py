@@ -1,7 +1,7 @@
-"""What waits to be sent: durable messages in the spool, and light ones (QoS 0), which never wait offline.
+"""Outbound messages: durable ones in the spool, and QoS 0 messages, which are never kept while offline.
 
-The spool sends replies first, then status, then events; light ones go behind them, in every write. A full
-queue of QoS 0 refuses new messages.
+The spool sends replies first, then status, then events. Each write also has a share for QoS 0. A full QoS 0
+queue refuses new messages.
 """
 
 from __future__ import annotations
@@ -18,9 +18,9 @@ from fleet.spool.spool import Spool
 
 
 class OutboundQueue:
-    """The queue between any thread that publishes and the loop that writes.
+    """The queue between the publishing threads and the loop that writes.
 
-    ``messages`` and ``size`` (bytes) bound the queue of QoS 0.
+    ``messages`` and ``size`` (bytes) bound the QoS 0 queue.
     """
 
     def __init__(self, spool: Spool, messages: int, size: int, stats: CloudStats, clock: Clock) -> None:
@@ -39,7 +39,10 @@ class OutboundQueue:
         return len(self._light) + self.spool.waiting
 
     def put_light(self, where: PublishRoute, payload: bytes) -> bool:
-        """Add a message of QoS 0; tell whether it was taken. What is durable is put into the spool."""
+        """Queue a QoS 0 message; return whether it was accepted.
+
+        Durable messages go to the spool directly.
+        """
         message = QueuedQos0(where, payload, self._clock.monotonic())
         with self._lock:
             size = self._bytes + _size(message)
@@ -51,7 +54,7 @@ class OutboundQueue:
             return True
 
     def take_light(self, now: float, size: int) -> list[QueuedQos0]:
-        """Remove and return what of QoS 0 may be written next, about ``size`` bytes; drop what is late."""
+        """Remove and return the next QoS 0 messages, about ``size`` bytes; drop expired ones."""
         taken: list[QueuedQos0] = []
         with self._lock:
             while self._light and size > 0:
@@ -66,36 +69,36 @@ class OutboundQueue:
 
     @property
     def waits(self) -> bool:
-        """True while messages of QoS 0 wait."""
+        """True while QoS 0 messages wait."""
         return bool(self._light)
 
     def go_online(self) -> None:
-        """From now on QoS 0 is taken."""
+        """Start to accept QoS 0."""
         self._online = True
         self.spool.go_online()
 
     def go_offline(self, unanswered: Iterable[Outgoing]) -> None:
-        """Take back what was not acknowledged, oldest first; drop QoS 0 and take no more of it."""
+        """Take back the unacknowledged messages, oldest first; drop QoS 0 and refuse new ones."""
         self.spool.put_back(unanswered)
         self.spool.go_offline()
         self._drop_light()
 
     def tick(self) -> None:
-        """Look after time: once a second or so."""
+        """Run the periodic work of the spool; about once a second."""
         self.spool.tick()
 
     def close(self) -> None:
-        """Take nothing more; what is durable stays on disk."""
+        """Refuse new messages; durable ones stay on disk."""
         self._drop_light()
         self.spool.close()
 
     @property
     def idle(self) -> bool:
-        """True when nothing could be sent now."""
+        """True when there is nothing to send now."""
         return not self._light and self.spool.idle
 
     def _drop_light(self) -> None:
-        """Drop all of QoS 0, and take no more of it."""
+        """Drop all QoS 0 messages and refuse new ones."""
         with self._lock:
             self._online = False
             self._refused += len(self._light)
@@ -103,10 +106,10 @@ class OutboundQueue:
             self._bytes = 0
 
     def _queued(self) -> QueueStats:
-        """Return the figures."""
+        """Return the statistics."""
         return QueueStats(len(self), self._bytes, self._refused + self.spool.lost)
 
 
 def _size(message: QueuedQos0) -> int:
-    """Return the bytes that a message of QoS 0 costs while it waits."""
+    """Return the memory, in bytes, of a waiting QoS 0 message."""
     return len(message.where.topic) + len(message.payload) + OVERHEAD

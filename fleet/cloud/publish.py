@@ -1,4 +1,4 @@
-"""PUBLISH from what waits to be sent, for both protocol versions."""
+"""PUBLISH packets of queued messages, for both protocol versions."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ _QOS = tuple(map(mqtt5.QoS, range(3)))
 
 
 def publish(message: Outgoing, identifier: int, now: float, protocol: Protocol) -> bytes:
-    """Return the packet of a message of QoS 1 or 2, at the monotonic time ``now``.
+    """Return the packet of a QoS 1 or 2 message at the monotonic time ``now``.
 
-    Raises ValueError or TypeError for what MQTT cannot carry.
+    Raises ValueError or TypeError for content that MQTT cannot carry.
     """
     packet = mqtt5.PublishPacket(
         message.topic,
@@ -35,34 +35,34 @@ def publish(message: Outgoing, identifier: int, now: float, protocol: Protocol) 
 
 
 class PublishRoute(msgspec.Struct, frozen=True, gc=False):
-    """Where messages of QoS 0 go; ``expiry`` is how many seconds they are worth sending, None: always."""
+    """Publish route of QoS 0 messages; ``expiry`` is their lifetime in seconds, None for no limit."""
 
     topic: str
     expiry: float | None
 
 
-@functools.lru_cache(maxsize=16384)  # an edge says the same few topics again and again
+@functools.lru_cache(maxsize=16384)  # an edge publishes on the same few topics
 def publish_route(topic: str, expiry: float | None) -> PublishRoute:
-    """Return where messages go; raise ValueError for a topic that no message can be published to."""
+    """Return the route of a topic; raise ValueError if no message can be published to it."""
     return PublishRoute(check_topic(topic), expiry)
 
 
 class QueuedQos0(msgspec.Struct, frozen=True, gc=False):
-    """A message of QoS 0 that waits; ``since`` is when (monotonic s) it was queued."""
+    """A queued QoS 0 message; ``since`` is the monotonic time of queueing in seconds."""
 
     where: PublishRoute
     payload: bytes
     since: float
 
     def is_late(self, now: float) -> bool:
-        """Tell whether it is not worth sending any more."""
+        """Return whether the message has expired."""
         return self.where.expiry is not None and now - self.since >= self.where.expiry
 
 
 def publish_light(message: QueuedQos0, now: float, protocol: Protocol) -> bytes:
-    """Return the packet of a message of QoS 0, with what is left of its time.
+    """Return the packet of a QoS 0 message with its remaining lifetime.
 
-    Raises ValueError or TypeError for what MQTT cannot carry.
+    Raises ValueError or TypeError for content that MQTT cannot carry.
     """
     where = message.where
     packet = mqtt5.PublishPacket(
@@ -74,5 +74,5 @@ def publish_light(message: QueuedQos0, now: float, protocol: Protocol) -> bytes:
 
 
 def _whole(left: float) -> int:
-    """Return how many seconds are left of a message's time, rounded up; never none."""
+    """Return the remaining seconds of a message's lifetime, rounded up; at least 1."""
     return min(max(math.ceil(left), 1), _LONGEST)

@@ -1,4 +1,4 @@
-"""What a broker's reason codes mean, in words for the person who reads them (MQTT 5, section 2.4)."""
+"""MQTT reason codes as sentences for the user (MQTT 5, section 2.4)."""
 
 from __future__ import annotations
 
@@ -27,21 +27,21 @@ _SENTENCES = {
 }
 
 _PERSONAL = frozenset({0x84, 0x85, 0x86, 0x87, 0x8A, 0x8C, 0x8E, 0x97, 0x98, 0x9C, 0x9D, 0x9F})
-"""Reasons of a DISCONNECT that coming back at once would not cure."""
+"""Reasons of a DISCONNECT for which an immediate reconnect is no cure."""
 
 
 def sentence(code: int, reason: str | None = None, server: str | None = None) -> str:
-    """Return one line that says what the code means, with the broker's own words where it gave any."""
+    """Return one line that explains the code, with the broker's own words if it sent any."""
     text = _SENTENCES.get(code, f"the broker gave the reason 0x{code:02x}")
     extras = [extra for extra in (reason, server and f"server {server}") if extra]
     return f"{text} ({'; '.join(extras)})" if extras else text
 
 
 def of(packet: mqtt5.ConnAckPacket | mqtt5.DisconnectPacket) -> str:
-    """Return one line about why the broker refused or ended the connection."""
+    """Return one line that says why the broker refused or closed the connection."""
     return sentence(int(packet.reason_code), packet.reason_str, packet.server_reference)
 
 
 def is_permanent(code: int) -> bool:
-    """Tell whether the reason of a DISCONNECT will still hold in a second, so that haste only harms."""
+    """Return whether the reason of a DISCONNECT will still hold in a second, so that haste only harms."""
     return code in _PERSONAL

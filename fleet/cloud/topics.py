@@ -7,22 +7,22 @@ from collections.abc import Iterable
 from typing import Any
 
 LONGEST = 65_535
-"""Bytes of UTF-8 in one topic or filter."""
+"""Limit of a topic or filter, in bytes of UTF-8."""
 
 _Tree = dict[str | None, Any]
-"""Filters by level; the filter that ends at a node stands there under None."""
+"""Filters by level; a filter that ends at a node is stored there under None."""
 
 
-@functools.lru_cache(maxsize=16384)  # an edge says the same few topics again and again
+@functools.lru_cache(maxsize=16384)  # an edge publishes on the same few topics
 def check_topic(topic: str) -> str:
-    """Return the topic; raise ValueError when no message can be published to it."""
+    """Return the topic; raise ValueError if no message can be published to it."""
     if "+" in topic or "#" in topic:
         raise ValueError(f"the topic {topic!r} holds a wildcard; publish to one topic")
     return _check_text(topic, "topic")
 
 
 def check_filter(pattern: str) -> str:
-    """Return the filter; raise ValueError when no broker would take it."""
+    """Return the filter; raise ValueError if it is invalid."""
     levels = pattern.split("/")
     if "#" in levels[:-1] or any(len(level) > 1 and not {"+", "#"}.isdisjoint(level) for level in levels):
         raise ValueError(f"the filter {pattern!r} must have + alone in its level and # alone in the last")
@@ -30,7 +30,7 @@ def check_filter(pattern: str) -> str:
 
 
 def matches(pattern: str, topic: str) -> bool:
-    """Tell whether the filter takes the topic; wildcards at the start leave ``$`` topics alone."""
+    """Return whether the filter matches the topic; a leading wildcard does not match ``$`` topics."""
     if topic.startswith("$") and pattern[0] in "+#":
         return False
     filters, names = pattern.split("/"), topic.split("/")
@@ -43,9 +43,9 @@ def matches(pattern: str, topic: str) -> bool:
 
 
 def check_apart(patterns: Iterable[str]) -> None:
-    """Raise ValueError when a filter is not usable, or when some topic matches two of them.
+    """Raise ValueError if a filter is unusable, or if a topic can match two of them.
 
-    A broker may send a message once for each filter that takes it, so a command could be carried out twice.
+    A broker may deliver a message once for each matching filter, so a command could be executed twice.
     """
     tree: _Tree = {}
     for pattern in patterns:
@@ -61,7 +61,7 @@ def check_apart(patterns: Iterable[str]) -> None:
 
 
 def _meets(node: _Tree, levels: list[str]) -> str | None:
-    """Return a filter of the tree that shares a topic with these levels."""
+    """Return a filter of the tree that overlaps with these levels."""
     if "#" in node:
         return str(node["#"][None])
     if not levels:
@@ -75,14 +75,14 @@ def _meets(node: _Tree, levels: list[str]) -> str | None:
 
 
 def _any_of(node: _Tree) -> str | None:
-    """Return some filter at or below a node."""
+    """Return any filter at or below a node."""
     while node and None not in node:
         node = next(iter(node.values()))
     return node.get(None)
 
 
 def _check_text(text: str, what: str) -> str:
-    """Return the text; raise ValueError when MQTT cannot carry it."""
+    """Return the text; raise ValueError if MQTT cannot carry it."""
     try:
         size = len(text.encode())
     except UnicodeEncodeError:
