@@ -182,7 +182,7 @@ class CloudClient:
 
     @property
     def full(self) -> bool:
-        """True while the network has not taken QoS 0 of before: what has a newer one soon had better wait."""
+        """True while QoS 0 messages wait for the network, so that replaceable state is better held back."""
         connection = self._connection
         return connection is not None and connection.full and self._outbox.waits
 

@@ -1,4 +1,4 @@
-"""The thread of a spool that alone touches the disk: what waits is written, fetched and removed there."""
+"""The disk thread of a spool: it alone writes, fetches and deletes messages on disk."""
 
 from __future__ import annotations
 
@@ -23,23 +23,23 @@ from fleet.wire.rules import TrafficClass
 log = logging.getLogger(__name__)
 
 TICK = 0.05
-"""Seconds between two looks at what has to go to disk, while connected."""
+"""Seconds between two writes while connected."""
 SYNC = 5.0
-"""Seconds between two times that the medium itself is brought up to date."""
+"""Seconds between two checkpoints to the medium."""
 LATE_LOOK = 30.0
-"""Seconds between two looks for what is too old on disk."""
+"""Seconds between two searches for expired messages on disk."""
 STEPPED = 1.0
-"""Seconds by which the wall clock must be set for what is on disk to follow it."""
+"""Smallest step of the wall clock, in seconds, by which the expiry of stored messages is adjusted."""
 RETRY = 1.0
-"""Seconds after which a disk that failed is tried again."""
+"""Seconds until a failed disk is retried."""
 
 
 class SpoolDisk:
-    """The file of a spool and the thread that has it; ``using`` guards the queue, which others use too.
+    """The file of a spool and its thread; ``using`` is the lock of the queue.
 
-    ``size`` bounds the file, bytes; ``ages`` are the seconds that messages are worth sending. ``more`` is
-    called on the thread when there is more to take. Raises StateTaken when another edge has the folder.
-    What else is wrong with the disk is told in ``problem``, and tried again.
+    ``size`` bounds the file, bytes; ``ages`` are the lifetimes of messages, seconds. ``more`` is called on
+    the thread when messages were fetched. Raises StateTaken when another edge uses the folder. Any other disk
+    error is reported in ``problem``, and retried.
     """
 
     def __init__(
@@ -67,7 +67,7 @@ class SpoolDisk:
         self._store: SpoolFile | None = None
         self._lock: FileLock | None = None
         self._dirty = False
-        self._damaged = False  # the file is never opened again, but set aside first
+        self._damaged = False  # set the file aside before the next opening
         self._next_sync = self._next_look = clock.monotonic()
         try:
             self._have()
@@ -81,16 +81,16 @@ class SpoolDisk:
 
     @property
     def used(self) -> int:
-        """Bytes of the file, 0 while there is none."""
+        """Bytes in use of the file, 0 without one."""
         return self._store.used if self._store else 0
 
     def wake_if_needed(self) -> None:
-        """Wake the thread where there is something for it to do."""
+        """Wake the thread if there is work."""
         if not self._wake.is_set() and self._wanted():
             self._wake.set()
 
     def close(self) -> None:
-        """Write everything, close the file and let go of the folder; what is not on disk then is dropped."""
+        """Write everything, close the file, release the folder; what could not be written is dropped."""
         self._closing.set()
         self._wake.set()
         self._thread.join()
@@ -100,14 +100,14 @@ class SpoolDisk:
             self._lock.let_go()
 
     def _have(self) -> None:
-        """Make the folder and take its lock, unless that is done; raises StateError, StateTaken."""
+        """Create the folder and lock it, unless done; raises StateError, StateTaken."""
         if self._lock is None:
             lock = FileLock(made(self._path.parent) / SPOOL)
             lock.take()
             self._lock = lock
 
     def _open_store(self) -> bool:
-        """Open the file, or make it anew; while that fails return False, and memory alone serves."""
+        """Open or create the file; on failure return False, and the spool works in memory only."""
         try:
             self._have()
             if self._damaged:
@@ -128,7 +128,7 @@ class SpoolDisk:
         return True
 
     def _take_over(self, store: SpoolFile) -> None:
-        """Take over what an earlier process left."""
+        """Load the messages and losses of an earlier process."""
         left, losses = store.left(), store.losses()
         with self._using:
             self._queue.failing = False
@@ -145,11 +145,11 @@ class SpoolDisk:
             self._store = None
 
     def _wanted(self) -> bool:
-        """Tell whether there is something to do."""
+        """Return whether there is work."""
         return self._queue.unwritten or self._queue.needs_fetch
 
     def _run(self) -> None:
-        """Be the thread."""
+        """Run the thread."""
         while not self._closing.is_set():
             self._wake.wait(LATE_LOOK)
             self._wake.clear()
@@ -164,14 +164,14 @@ class SpoolDisk:
         self._close_store()
 
     def _step(self) -> bool:
-        """Bring the disk up to date; return False when it failed."""
+        """Do all due work on the disk; return False if it failed."""
         if self._store is None:
             return self._open_store()
         fine = True
         for work in (self._follow_clock, self._expire, self._write, self._fetch, self._sync):
             try:
                 work(self._store)
-            except sqlite3.Error as error:  # a disk that is full can still be read
+            except sqlite3.Error as error:  # go on: a full disk can still be read
                 fine = False
                 self._fail(error)
                 if is_corrupt(error):
@@ -180,7 +180,7 @@ class SpoolDisk:
         return fine
 
     def _follow_clock(self, store: SpoolFile) -> None:
-        """Have what this process wrote keep its age when the wall clock is set, as after a start offline."""
+        """Adjust expiries to a step of the wall clock, as after a start without network time."""
         stepped = self._clock.time() - self._clock.monotonic() - self._offset
         if abs(stepped) >= STEPPED:
             store.postpone(stepped, after=self._queue.before)
@@ -188,7 +188,7 @@ class SpoolDisk:
             log.info("the clock was set by %.0f s: what waits keeps its age", stepped)
 
     def _write(self, store: SpoolFile) -> None:
-        """Write what is due, after making room for it."""
+        """Write and delete the due messages, after making room."""
         with self._using:
             work = self._queue.work(self._clock.monotonic())
             losses = self._queue.losses.known() if self._queue.losses.changed else None
@@ -196,7 +196,7 @@ class SpoolDisk:
         if not (work.rows or work.done or losses is not None):
             return
         for message in work.rows:
-            assert message.deadline is not None  # the queue has given it
+            assert message.deadline is not None  # set by the queue
             message.expires = message.deadline + self._offset
         try:
             self._change(store, work, losses)
@@ -213,7 +213,7 @@ class SpoolDisk:
             self.problem = ""
 
     def _change(self, store: SpoolFile, work: DiskWork, losses: list[Gap] | None) -> None:
-        """Change the file, within its budget."""
+        """Change the file within its budget."""
         size = sum(len(message.payload) + 100 for message in work.rows)
         if work.rows and not store.room(size):
             for removed in store.evict(size):
@@ -221,7 +221,7 @@ class SpoolDisk:
         store.change(work.rows, work.done, losses)
 
     def _fetch(self, store: SpoolFile) -> None:
-        """Bring back what will soon be sent."""
+        """Fetch messages that will be sent soon."""
         with self._using:
             fetches = self._queue.fetches()
         for fetch in fetches:
@@ -237,21 +237,21 @@ class SpoolDisk:
             self._more()
 
     def _expire(self, store: SpoolFile) -> None:
-        """Remove what is too old, now and then."""
+        """Periodically delete expired messages."""
         now = self._clock.monotonic()
         if now >= self._next_look:
             self._next_look = now + LATE_LOOK
             self._tell_removed(store.expire(self._clock.time()), Reason.AGE)
 
     def _sync(self, store: SpoolFile) -> None:
-        """Bring the medium itself up to date, now and then."""
+        """Periodically write the WAL to the medium."""
         now = self._clock.monotonic()
         if self._dirty and now >= self._next_sync:
             self._next_sync, self._dirty = now + SYNC, False
             store.checkpoint()
 
     def _tell_removed(self, removed: Iterable[tuple[str, int]], reason: Reason) -> None:
-        """Tell the queue what is not on disk any more."""
+        """Report messages removed from disk to the queue."""
         by_topic: dict[str, list[int]] = defaultdict(list)
         for topic, seq in removed:
             by_topic[topic].append(seq)
@@ -260,14 +260,14 @@ class SpoolDisk:
                 self._queue.removed(topic, seqs, reason, self._clock.time())
 
     def _abandon(self) -> None:
-        """Leave a file that is damaged, to be set aside; what is in memory goes to a new one."""
+        """Give up a damaged file, to be set aside; messages in memory will go to a new one."""
         self._close_store()
         self._damaged = True
         with self._using:
             self._queue.lost_disk(self._clock.time())
 
     def _fail(self, error: Exception) -> None:
-        """Tell that what waits is kept in memory alone."""
+        """Log and record that messages are kept in memory only."""
         problem = f"the spool cannot be written: {error}"
         if problem != self.problem:
             log.error("%s; what waits is kept in memory alone", problem)

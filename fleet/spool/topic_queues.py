@@ -1,4 +1,4 @@
-"""The topics of a queue, and where each stands: in the ring of its class, hungry, held."""
+"""The topic queues of a spool, and which of them can send, need messages from disk, or are held."""
 
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ from fleet.wire.rules import TrafficClass
 LOW = 64
 """Messages of a topic in memory below which more are fetched from disk."""
 LOW_IN_NEED = 8
-"""The same when memory is full."""
+"""The same while memory is full."""
 
 
 class TopicQueues(dict[str, TopicQueue]):
-    """Lines by topic, of messages that stand in ``memory``.
+    """Topic queues by topic; their messages in memory are in ``memory``.
 
-    ``rings`` are those that can send, by class, in their turn; ``needs_fetch`` those that want more from
-    disk, while ``online``.
+    ``rings`` has those that can send, by class, in round-robin order; ``needs_fetch`` those that need
+    messages from disk while ``online``.
     """
 
     def __init__(self, memory: MemoryBuffer) -> None:
@@ -31,14 +31,14 @@ class TopicQueues(dict[str, TopicQueue]):
         self.holds = HeldTopics()
 
     def of(self, topic: str, traffic: TrafficClass) -> TopicQueue:
-        """Return the line of a topic, a new one when there is none."""
+        """Return the queue of a topic; create it if there is none."""
         line = self.get(topic)
         if line is None:
             line = self[topic] = TopicQueue(topic, traffic)
         return line
 
     def stand(self, line: TopicQueue) -> None:
-        """Have a line stand where it belongs: in its ring when it can send, hungry when it runs low."""
+        """Put a queue into the ring if it can send, and into ``needs_fetch`` if it runs low."""
         if not line.queued and line.sendable:
             line.queued = True
             self.rings[line.traffic].append(line)
@@ -48,9 +48,9 @@ class TopicQueues(dict[str, TopicQueue]):
             self.needs_fetch.pop(line.topic, None)
 
     def forget(self, line: TopicQueue) -> None:
-        """Forget a line that is empty and that nobody hears, or hears only once, as an inbox for replies."""
+        """Forget an empty queue that is not open, or is an inbox for replies, which is used once."""
         if (line.state is OPEN and line.traffic is not REPLY) or not line.empty:
-            return  # as nearly always
+            return  # the common case
         self.pop(line.topic, None)
         self.needs_fetch.pop(line.topic, None)
         self.holds.forget(line)
@@ -59,7 +59,7 @@ class TopicQueues(dict[str, TopicQueue]):
             line.queued = False
 
     def _low(self, line: TopicQueue) -> int:
-        """Return how many messages of a line are to stand in memory at least."""
+        """Return the number of messages of a queue that should be in memory at least."""
         if line.state is TopicState.HELD:
             return 1
         return LOW_IN_NEED if self._memory.full else LOW
