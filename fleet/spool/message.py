@@ -18,7 +18,7 @@ class Outcome(enum.StrEnum):
     ACKED = "acked"
     """The broker has it, and the topic has a subscriber."""
     HELD = "held"
-    """Nobody is subscribed (MQTT 5 reason 0x10), or the broker has no room: it is sent again."""
+    """No subscriber (MQTT 5 reason 0x10), or a quota of the broker is used up: the message is sent again."""
     REFUSED = "refused"
     """The broker refuses this message, or it is larger than the broker allows."""
 
