@@ -105,7 +105,7 @@ _STOPS = (
 
 
 _NO_FRAMES = _Rule(("put",), ("fleet/*/frames/*",), "deny", flow="egress")
-"""The bytes on the links are for who records: a console, or a program of the edge's own computer."""
+"""The bytes on the links are for recorders only: a console, or a program on the edge's own computer."""
 
 
 def rules_of(role: Role, name: str, edge: str, access: Access) -> tuple[_Rule, ...]:

@@ -22,9 +22,9 @@ from fleet.errors import BusError
 
 
 class Bus:
-    """The two sessions of a process; ``connect`` are the endpoints of others that they are to join.
+    """The two sessions of a process; ``connect`` are the endpoints of other edges or routers to join.
 
-    ``consoles`` are the identities on it that are consoles, by the edge's access rules.
+    ``consoles`` are the identities on the bus that are consoles by the edge's access rules.
     """
 
     def __init__(
@@ -143,10 +143,10 @@ def _consoles(settings: BusSettings) -> frozenset[str]:
 
 
 def _identity(settings: BusSettings) -> str:
-    """Return the name by which others know us: that of our certificate, where every endpoint takes one."""
+    """Return the name by which others know us: the name in our certificate if every endpoint checks it."""
     if not settings.tls.certificate or not all(map(is_encrypted, settings.connect)):
         return LOCAL
-    from fleet.config.certificates import read_identity  # noqa: PLC0415 - slow to import; few have any
+    from fleet.config.certificates import read_identity  # noqa: PLC0415 - slow to import, rarely needed
 
     try:
         return read_identity(Path(settings.tls.certificate).read_bytes()).name

@@ -1,6 +1,6 @@
-"""The buses of several edges: joins those that run, leaves those that are gone, and joins them again.
+"""The buses of several edges: joins running edges, leaves those that are gone, and rejoins them.
 
-An edge that is away, frozen, or lets nobody in is told as such and tried again; nothing waits for it.
+An edge that is away, frozen, or refuses the connection is reported and retried; nothing waits for it.
 """
 
 from __future__ import annotations
@@ -14,16 +14,16 @@ from fleet.bus.settings import BusSettings, running_edges
 from fleet.clock import Clock
 from fleet.errors import BusError
 
-LOOK = 0.25  # s between looks at which edges run
-AGAIN = 2.0  # s until an edge that let nobody in is tried again
+LOOK = 0.25  # s between two scans for running edges
+AGAIN = 2.0  # s until a failed join is retried
 
 
 class EdgeBuses:
     """The buses that are joined now, by edge, in ``joined``.
 
-    ``edges`` are reached besides, or with ``only`` instead of, all that run on this computer. ``opened`` is
-    called in a thread with each edge and bus that was joined, and may block. ``told`` hears, on the event
-    loop, which edge is joined, and of one that is not, why.
+    ``edges`` are joined in addition to all edges that run on this computer, or instead of them with ``only``.
+    ``opened`` is called in a thread with each edge and its newly joined bus, and may block. ``told`` is
+    called on the event loop with an edge and None when it is joined, or else the reason why it is not.
     """
 
     def __init__(
@@ -48,20 +48,20 @@ class EdgeBuses:
         self._not_before: dict[str, float] = {}
 
     async def run(self) -> None:
-        """Join edges as they come, and leave those that are gone, until cancelled."""
+        """Join edges as they start and leave those that are gone, until cancelled."""
         try:
             while True:
                 self._look()
                 await asyncio.sleep(LOOK)
         finally:
-            # What is being opened is waited for, and closed: a thread inside Zenoh must not outlive us.
+            # Wait for joins in progress, then close them: a thread inside Zenoh must not outlive us.
             await asyncio.gather(*self._joining.values(), return_exceptions=True)
             for edge in list(self.joined):
                 self._leave(edge)
             await asyncio.gather(*self._closing, return_exceptions=True)
 
     def _look(self) -> None:
-        """Begin to join what runs and is not joined; leave what is gone."""
+        """Start to join running edges that are not joined; leave those that are gone."""
         wanted = self._edges
         running = set(running_edges(self._directory))
         if not self._only:
@@ -88,7 +88,7 @@ class EdgeBuses:
         closing.add_done_callback(self._closing.discard)
 
     async def _join(self, settings: BusSettings) -> None:
-        """Join one edge, or tell why not."""
+        """Join one edge, or report why it cannot be joined."""
         edge = settings.edge
         try:
             bus = await asyncio.to_thread(join, settings, self._directory)

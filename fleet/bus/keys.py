@@ -32,8 +32,8 @@ key                                    what
 ``fleet/{edge}/stop``                  emergency stop; publish or query on ``fleet/*/stop``
 =====================================  ====================================================
 
-The questions of a console have ``/as/{permission}/{console}`` after the keys of commands, missions, runs and
-schedules: what its person may do, and its own identity.
+The queries of a console have the suffix ``/as/{permission}/{console}`` on the keys of commands, missions,
+runs and schedules: the permission of its person, and its own identity.
 """
 
 from __future__ import annotations
@@ -42,11 +42,11 @@ LOCAL = "_local"
 """The identity of a console without a certificate; no common name begins so."""
 
 CONSOLE = "/as/*/*"
-"""What the keys of a console's questions have in addition: a permission, and the console."""
+"""Suffix of the keys of a console's queries: a permission, and the console."""
 
 
 def as_console(key: str, permission: str, console: str) -> str:
-    """Return the key by which a console asks for a person with this permission."""
+    """Return the key of a console's query for a person with this permission."""
     return f"{key}/as/{permission}/{console}"
 
 
@@ -61,7 +61,7 @@ def robot(edge_id: str, name: str) -> str:
 
 
 HELD = "-held"
-"""Suffix of a claim's key when the edge has the twin; without it the edge only wants it."""
+"""Suffix of a claim's key when the edge owns the twin; without it the edge only wants it."""
 
 
 def claim(edge_id: str, twin: str, since: int, *, held: bool = False) -> str:
@@ -80,17 +80,17 @@ def command(edge_id: str, name: str) -> str:
 
 
 def prepare(edge_id: str, name: str) -> str:
-    """Return the key on which a robot is asked to prepare what it is to begin together with others."""
+    """Return the key of queries to prepare a robot for a common start with others."""
     return f"fleet/{edge_id}/robots/{name}/prepare"
 
 
 def starts(edge_id: str) -> str:
-    """Return the key on which an edge's processes tell their time, and are told the instant of a start."""
+    """Return the key on which processes report their time, and receive the instant of a common start."""
     return f"fleet/{edge_id}/starts"
 
 
 def starting(edge_id: str, start: str) -> str:
-    """Return the key of the token of who asks for a common start; ``*`` is every start."""
+    """Return the key of the token of the requester of a common start; ``*`` is every start."""
     return f"fleet/{edge_id}/starts/{start}"
 
 
@@ -140,12 +140,12 @@ def halt(edge_id: str, name: str) -> str:
 
 
 def hold(edge_id: str, name: str) -> str:
-    """Return the key by which a worker is asked to hold its robots to other settings."""
+    """Return the key of queries to hold the robots of a worker to stricter settings."""
     return f"fleet/{edge_id}/workers/{name}/hold"
 
 
 def reload(edge_id: str, name: str) -> str:
-    """Return the key on which a worker is asked to start again with a changed file or configuration."""
+    """Return the key of queries to restart a worker with a changed file or configuration."""
     return f"fleet/{edge_id}/workers/{name}/reload"
 
 
@@ -170,32 +170,32 @@ def history(edge_id: str) -> str:
 
 
 def schedules(edge_id: str) -> str:
-    """Return the key on which an edge tells its schedules, and takes what is asked of them."""
+    """Return the key on which an edge reports and controls its schedules."""
     return f"fleet/{edge_id}/schedules"
 
 
 def changes(edge_id: str) -> str:
-    """Return the key on which an edge tells and takes over what has changed in its fleet.yaml."""
+    """Return the key on which an edge reports and applies changes of its fleet.yaml."""
     return f"fleet/{edge_id}/changes"
 
 
 def failover(edge_id: str) -> str:
-    """Return the key on which an edge of a pair takes the request to hand its lease over."""
+    """Return the key of queries to hand over the lease of an edge of a pair."""
     return f"fleet/{edge_id}/failover"
 
 
 def mission(edge_id: str, name: str) -> str:
-    """Return the key of a mission that an edge knows; ``*`` is every one."""
+    """Return the key of a mission of an edge; ``*`` is every mission."""
     return f"fleet/{edge_id}/missions/{name}"
 
 
 def run(edge_id: str, run_id: str) -> str:
-    """Return the key of a run of a mission; ``*`` is every one."""
+    """Return the key of a run of a mission; ``*`` is every run."""
     return f"fleet/{edge_id}/runs/{run_id}"
 
 
 def coordinator(edge_id: str) -> str:
-    """Return the key on which an edge lets another coordinate its robots in a run."""
+    """Return the key on which an edge lets another edge coordinate its robots in a run."""
     return f"fleet/{edge_id}/coordinator"
 
 
