@@ -1,19 +1,18 @@
 """Event store of an edge: a bounded SQLite file beside the journal, written by the journal's thread.
 
-``add`` takes an event from any thread and only appends it to a queue in memory; ``write``, which
-the journal's thread calls periodically, writes the whole queue in one commit. Processes of one edge on the
-same computer share the file.
+``add`` takes an event from any thread and only appends it to a queue in memory; ``write``, which the
+journal's thread calls periodically, writes the whole queue in one commit. Processes of one edge on the same
+computer share the file.
 
 ==========================  ==========================================================================
-condition                   reaction of the store
-==========================  ==========================================================================
-disk full, read-only        keeps the newest in memory, tells it as ``problem``, tries again
-too many wait               the oldest are lost, counted, and told in the history once it is written
-file damaged                set aside, a new one begun
-file of a newer fleet       the same, kept for that fleet
-another process has it      the same as with a full disk: the journal's thread waits a moment only
-file too old or too large   the oldest events are deleted, a few at a time
-==========================  ==========================================================================
+condition                   reaction of the store ==========================
+========================================================================== disk full, read-only        keeps
+the newest events in memory, sets ``problem``, retries too many events wait        drops the oldest, and
+records their number once the file can be written file damaged                sets it aside and creates a new
+one file of a newer fleet       the same; that fleet can use it again file locked by a process    as with a
+full disk; the journal's thread waits only a moment file too old or too large   deletes the oldest events, a
+few at a time ==========================
+==========================================================================
 """
 
 from __future__ import annotations
@@ -47,14 +46,14 @@ CREATE INDEX event_by_stamp ON event (stamp);
 CREATE INDEX event_by_robot ON event (robot, stamp);
 """,
 )
-"""What makes the file, and brings it from each format number to the next."""
+"""SQL that creates the file, and migrates it from each format number to the next."""
 WAITING = 5000  # maximum number of events in memory
 AGAIN_AFTER = 5.0  # s until the next attempt after a failed write
 BUSY = 0.2
-"""Seconds to wait for another process that opens or writes: the record of a stop may wait as long."""
-LAST_PATIENCE = 2.0  # s, for the last write of the process
+"""Seconds to wait for another process that opens or writes; it also delays the record of a stop."""
+LAST_PATIENCE = 2.0  # s to wait for the lock in the last write of the process
 PRUNE_EVERY = 60.0  # s
-AT_ONCE = 1000  # rows that are deleted in one commit
+AT_ONCE = 1000  # rows deleted in one commit
 NEWEST = 1000
 """Newest events, kept whatever their stamps: a computer without a clock may start in 1970."""
 _ADD = f"INSERT INTO event ({COLUMNS}) VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)"  # noqa: S608 - columns of ours
@@ -114,7 +113,7 @@ class History:
             self._commit(database)
             if now >= self._prune_at:
                 self._prune_at = now if self._prune(database) else now + PRUNE_EVERY
-        except Exception as error:  # noqa: BLE001 - the thread is the journal's, and must go on
+        except Exception as error:  # noqa: BLE001 - the journal's thread must go on
             self._fail(error)
             self._try_at = now + AGAIN_AFTER
         else:
@@ -132,7 +131,7 @@ class History:
     def _opened(self) -> sqlite3.Connection:
         """Return the open file, opening it if necessary; raises StateError, OSError, sqlite3.Error."""
         path = self.folder / HISTORY
-        if not path.exists():  # not yet made, or deleted while open: nobody could read what is written there
+        if not path.exists():  # not yet created, or deleted while open: writes to it would be lost
             self._shut()
         if self._database is None:
             made(self.folder)
