@@ -12,7 +12,7 @@ class DisconnectNotice:
     """Keeps a notice and runs ``command`` to send it, with the notice's file as standard input.
 
     An empty ``command`` sends nothing. The file holds the broker's address and credentials: it has no name,
-    and its content is not read here. ``told`` takes lines for people.
+    and its content is not read here. ``told`` takes lines for the user.
     """
 
     def __init__(self, command: Sequence[str], told: Callable[[str], None]) -> None:

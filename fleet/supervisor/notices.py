@@ -1,4 +1,4 @@
-"""Messages of the supervisor to people, printed without ever blocking it."""
+"""Lines of the supervisor for the user, printed without ever blocking it."""
 
 from __future__ import annotations
 

@@ -5,11 +5,11 @@ It does little, on one thread, so that no fault of an adapter, the bus or the cl
 ==============================  ===========================================================================
 event                           reaction
 ==============================  ===========================================================================
-a process with robots dies      writes their halts to their links at once, and a few times more
+a process with robots dies      writes their halts to their links at once, and repeats them a few times
 the edge dies                   also ends its workers in order and restarts the edge, the first time at once;
-                                has the cloud notified that its twins are disconnected
+                                has its twins reported to the cloud as disconnected
 the edge is frozen              writes the halts, kills it, and goes on as above
-a stop comes without an edge    writes all halts; the next edge starts with that stop
+a stop arrives without an edge  writes all halts; the next edge starts with that stop
 a signal requests the end       forwards it; ends when the edge has ended, with its exit code
 the supervisor itself dies      the edge and its workers end in order: their connection closes at once
 ==============================  ===========================================================================
@@ -54,10 +54,10 @@ from fleet.supervisor.service_manager import ServiceManager
 from fleet.supervisor.signals import handled_signals
 from fleet.supervisor.sockets import VARIABLE, listening, user_of, users
 
-LOOK = 0.02  # s, longest time between two turns of the loop
+LOOK = 0.02  # s, longest time between two iterations of the loop
 REPEATS = 5  # times that the halts of a dead process are written, in case a line loses one
 FROZEN = 5.0  # s without a heartbeat after which the edge counts as frozen; a busy computer needs a fraction
-ASLEEP = 1.0  # s without a turn after which this process counts as having been suspended itself
+ASLEEP = 1.0  # s without an iteration after which this process counts as having been suspended itself
 ANSWER_WITHIN = 0.5  # s within which the edge must answer a stop
 STABLE_AFTER = 30.0  # s of uptime after which the next restart is quick again
 FIRST_WAIT, LONGEST_WAIT = 0.1, 5.0  # s before a restart
@@ -110,9 +110,9 @@ class _Dead(msgspec.Struct):
 class Supervisor:
     """Runs ``command``, an edge, until it ends on request.
 
-    ``told`` takes lines for people; ``farewell`` is the command that sends the cloud the disconnect notice;
-    ``manager`` is the service manager that hears of readiness and life. A worker that is started by hand has
-    a supervisor of its own, in which "the edge" is that worker.
+    ``told`` takes lines for the user; ``farewell`` is the command that sends the cloud the disconnect notice;
+    ``manager`` is notified of readiness and life. A worker that is started by hand has a supervisor of its
+    own, in which "the edge" is that worker.
     """
 
     def __init__(
@@ -228,7 +228,7 @@ class Supervisor:
             self._child.send_signal(self._signalled)
 
     def _pass_on(self, number: int) -> None:
-        """Forward a signal to the edge, or note it while no edge is running."""
+        """Forward a signal to the edge, or record it while no edge is running."""
         if number != signal.SIGTSTP:
             self._ending = True
             self._manager.ending()
@@ -257,7 +257,7 @@ class Supervisor:
         """Return the connection of the edge's own process."""
         return next((peer for peer in self._peers if peer.is_edge), None)
 
-    # -- who is connected ----------------------------------------------------------------------------
+    # -- connections ---------------------------------------------------------------------------------
 
     def _accept(self, listener: socket.socket) -> None:
         """Accept a connection."""
