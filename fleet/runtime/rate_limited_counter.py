@@ -14,7 +14,7 @@ from fleet.clock import Clock
 TELL_EVERY = 60.0  # s between log lines of one reason
 A_MINUTE = 60.0  # s
 MOST_REASONS = 500  # distinct reasons that are counted and logged; text from outside never becomes a reason
-OTHERS = "others"  # the reason under which all further ones are counted
+OTHERS = "others"  # counts all further reasons
 LONGEST = 500  # characters of a log line: it may quote untrusted input
 
 
