@@ -30,7 +30,7 @@ from fleet.wire.video import LOCAL_ANSWER, LOCAL_OFFER, VideoReply, VideoRequest
 
 log = logging.getLogger(__name__)
 
-TELL_EVERY = LIFETIME / 5  # s between two states of a stream
+TELL_EVERY = LIFETIME / 5  # s between two reports of the stream
 
 
 class Source(msgspec.Struct, frozen=True):
