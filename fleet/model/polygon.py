@@ -17,7 +17,7 @@ def edges(polygon: Polygon) -> Iterator[Edge]:
 
 
 def polygon_contains(polygon: Polygon, point: Point) -> bool:
-    """Return whether a point is inside; on the border it may be either."""
+    """Return whether a point is inside; for a point on the border the result is undefined."""
     # Ray casting: a ray towards +x crosses the border an odd number of times from inside.
     x, y = point
     inside = False
@@ -48,7 +48,7 @@ def crosses(polygon: Polygon, start: Point, end: Point) -> bool:
 
 
 def is_simple(polygon: Polygon) -> bool:
-    """Return whether the polygon has an area and no side of it touches another that is not its neighbour."""
+    """Return whether the polygon has an area and no two of its sides touch, except neighbours."""
     sides = list(edges(polygon))
     if any(start == end for start, end in sides) or abs(_area(polygon)) <= 0.0:
         return False
@@ -60,8 +60,8 @@ def is_simple(polygon: Polygon) -> bool:
 
 
 def centroid(polygon: Polygon) -> Point:
-    """Return the middle of the area, which may lie outside of a polygon that is not convex."""
-    ox, oy = polygon[0]  # from a corner: far from nought the products would lose the difference
+    """Return the centroid of the area, which may be outside a polygon that is not convex."""
+    ox, oy = polygon[0]  # relative to a corner: far from the origin the products would lose precision
     x = y = doubled = 0.0
     for (ax, ay), (bx, by) in edges(tuple((cx - ox, cy - oy) for cx, cy in polygon)):
         cross = ax * by - bx * ay
