@@ -5,14 +5,15 @@ journal's thread calls periodically, writes the whole queue in one commit. Proce
 computer share the file.
 
 ==========================  ==========================================================================
-condition                   reaction of the store ==========================
-========================================================================== disk full, read-only        keeps
-the newest events in memory, sets ``problem``, retries too many events wait        drops the oldest, and
-records their number once the file can be written file damaged                sets it aside and creates a new
-one file of a newer fleet       the same; that fleet can use it again file locked by a process    as with a
-full disk; the journal's thread waits only a moment file too old or too large   deletes the oldest events, a
-few at a time ==========================
-==========================================================================
+condition                   reaction of the store
+==========================  ==========================================================================
+disk full, read-only        keeps the newest events in memory, sets ``problem``, retries
+too many events wait        drops the oldest, and records their number once the file can be written
+file damaged                sets it aside and creates a new one
+file of a newer fleet       the same; that fleet can use it again
+file locked by a process    as with a full disk; the journal's thread waits only a moment
+file too old or too large   deletes the oldest events, a few at a time
+==========================  ==========================================================================
 """
 
 from __future__ import annotations

@@ -3,13 +3,14 @@
 Every file in which an edge leaves state for the next one has a format number. It grows by one with each
 change that older readers would misread.
 
-=====================  ==========================  =================================================== file
-place of the number         without a number =====================  ==========================
-=================================================== SQLite                 ``PRAGMA user_version``     0: an
-empty file, which is initialised execution journal      its first row               0: the rows of fleet
-0.1.0, which are those of 1 lines of the log       the field ``format``        1 configuration.json     the
-field ``format``        refused; it is written anew at the next start =====================
-==========================  ===================================================
+=====================  ==========================  ===================================================
+file                   place of the number         without a number
+=====================  ==========================  ===================================================
+SQLite                 ``PRAGMA user_version``     0: an empty file, which is initialised
+execution journal      its first row               0: the rows of fleet 0.1.0, which are those of 1
+lines of the log       the field ``format``        1
+configuration.json     the field ``format``        refused; it is written anew at the next start
+=====================  ==========================  ===================================================
 
 Files in foreign formats (candump captures, PX4's list of events) have no number.
 """

@@ -1,11 +1,12 @@
 """The outbound messages of one topic, in order, and whether the topic has a subscriber.
 
-=======  ==================================  ==================================================== state
-meaning                             sends =======  ==================================
-==================================================== PROBE    unknown since the connect or wait   one message,
-and waits for its acknowledgement OPEN     the last message had a subscriber   as many as the window allows
-HELD     the last message had none           nothing until the delay is over =======
-==================================  ====================================================
+=======  ==================================  ====================================================
+state    meaning                             sends
+=======  ==================================  ====================================================
+PROBE    unknown since the connect or wait   one message, and waits for its acknowledgement
+OPEN     the last message had a subscriber   as many as the window allows
+HELD     the last message had none           nothing until the delay is over
+=======  ==================================  ====================================================
 """
 
 from __future__ import annotations

@@ -1,7 +1,11 @@
 """A CAN bus over python-can: opens, reads and writes it, and gives it up when it is dead.
 
-can:socketcan:can0 can:udp_multicast:239.74.163.2?port=43113 can:slcan:/dev/ttyACM0
-can:socketcand:can0?host=192.168.1.20&port=29536 can:kvaser:0 can:virtual:NAME
+can:socketcan:can0
+can:udp_multicast:239.74.163.2?port=43113
+can:slcan:/dev/ttyACM0
+can:socketcand:can0?host=192.168.1.20&port=29536
+can:kvaser:0
+can:virtual:NAME
 
 The link of one robot also has the bit rates: can:kvaser:0?bitrate=500000&data_bitrate=2000000 (CAN FD).
 
