@@ -19,12 +19,12 @@ key                                    what
 ``fleet/{edge}/robots/{robot}/state``  publication, and query for the last: a robot's state
 ``fleet/{edge}/held``                 publication: robots of its workers that stop inputs hold, and why
 ``fleet/{edge}/places/{process}``      publication: positions and destinations of a process's robots
-``fleet/{edge}/frames/{process}``      publication: bytes on the links of a process, while somebody records
+``fleet/{edge}/frames/{process}``      publication: bytes on the links of a process, while a recorder runs
 ``fleet/{edge}/holders``               publication: other holders of the edge's twins, seen in the cloud
 ``fleet/{edge}/health``                publication, and query for the last: the edge's state
 ``fleet/{edge}/summary``               publication, and query for the last: the edge in 1 kB at the most
 ``fleet/{edge}/schedules``             query: list its schedules, switch one, or start it now
-``fleet/{edge}/changes``               query: read fleet.yaml again, and tell or take over what has changed
+``fleet/{edge}/changes``               query: read fleet.yaml again, and show or apply the changes
 ``fleet/{edge}/history``               query: events of its robots, with the senders of requests
 ``fleet/{edge}/missions/{name}``       query: parameters of a mission; with ``do=``, start it or rehearse it
 ``fleet/{edge}/runs/{run}``            publication, and query: a run's state; queries also control it

@@ -203,7 +203,7 @@ def _navigation(report: NavigationReport) -> Leaves:
 def _mission_status(report: NavigationReport) -> Leaves:
     """One status of one mission; a blocked mission is sent as running.
 
-    A plan that is part of a run is told as that run, whose own status says how it ends.
+    A plan that is part of a run is reported as that run, whose own status reports the end.
     """
     run = run_of(report.action_id)
     runs = bool(run) or report.state is ActionState.BLOCKED
