@@ -185,7 +185,7 @@ class Bridge:
         if port is None:
             return
         if twin not in self._held:
-            self.voice.tell(port, "disconnected", {"reason": "the edge has it no more"})
+            self.voice.tell(port, "disconnected", {"reason": "the edge no longer serves it"})
         for table in (self._ports, self._rules.twins, self._infos):
             table.pop(twin)
         self._held.pop(twin, None)
@@ -224,7 +224,7 @@ class Bridge:
             return False
         if holder:
             self._held[twin] = holder
-            line = "%s: edge %s has its twin: nothing crosses for it here"
+            line = "%s: edge %s holds its twin: this edge forwards nothing for it"
             log.warning(line, self._ports[twin].name, holder)
         else:
             del self._held[twin]
@@ -316,7 +316,7 @@ class Bridge:
             if alive and not first:
                 self.voice.tell(port, "connected", {})
             elif first and not alive:
-                self.voice.tell(port, "disconnected", {"reason": "it does not answer yet: the edge begins"})
+                self.voice.tell(port, "disconnected", {"reason": "no answer yet: the edge has just started"})
         self.client.flush_queued()
 
 

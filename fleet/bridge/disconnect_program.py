@@ -70,7 +70,7 @@ def main() -> int:
         words = decode_json(sys.stdin.buffer.read(), DisconnectPlan)
         return 0 if asyncio.run(publish_disconnected(words, SystemClock())) else 1
     except (msgspec.DecodeError, FleetError) as error:
-        sys.stderr.write(f"fleet: the cloud is not told that the edge died: {error}\n")
+        sys.stderr.write(f"fleet: cannot report the death of the edge to the cloud: {error}\n")
         return 1
 
 

@@ -167,7 +167,7 @@ class Downlink:
         elif stops and topic not in self._stops.setdefault(twin, {}):
             self._stops[twin][topic] = one
         else:
-            self.refusals.add("too many", "a message on %s finds too many before it", topic)
+            self.refusals.add("too many", "dropped a message on %s: the queue is full", topic)
             return
         self._inbox.append(one)
         self._waiting += len(one.message.payload)
@@ -190,7 +190,7 @@ class Downlink:
             try:
                 self._hand_over(one)
             except Exception:  # the other messages must not wait for the next read: they would be late
-                log.exception("a message on %s could not be taken", one.message.topic)
+                log.exception("a message on %s could not be dispatched", one.message.topic)
         return False
 
     def _read(self, route: InboundRoute, port: RobotPort, message: CloudMessage) -> Request | None:
@@ -233,7 +233,7 @@ class Downlink:
             if topic.suffix.startswith("workflow-run:"):
                 book = self._any_run
         if topic is None or book is None:
-            self.refusals.add("foreign topic", "a message on %.120r is for nobody here", message.topic)
+            self.refusals.add("foreign topic", "a message on %.120r has no recipient here", message.topic)
             return None
         rule = book.inward.get(ENVIRONMENT if topic.suffix.startswith("environment:") else topic.suffix)
         if rule is None:
@@ -284,7 +284,7 @@ class Downlink:
         if holder is None:
             asked(answer)
             return
-        self.refusals.add("held elsewhere", "%s is for another edge, which has the twin", message.topic)
+        self.refusals.add("held elsewhere", "%s is for another edge, which holds the twin", message.topic)
         due = self._clock.monotonic() + DENIED_AFTER
         if asked.stops:
             asked(lambda reply: self._denied.append((due, answer, reply)))

@@ -33,14 +33,14 @@ class Relay:
         ):
             return
         if not self._allowed(topic, rule):
-            line = "%s comes more than %g times a second"
+            line = "%s arrives more than %g times a second"
             self._refusals.add("too often", line, message.topic, rule.max_rate)
             return
         try:
             sample = document_in(topic.suffix, message.payload, size=rule.size, now=self._clock.time())
             key = _key(topic, rule)
         except WireError as error:
-            self._refusals.add("unreadable", "a message on %s did not cross: %s", message.topic, error)
+            self._refusals.add("unreadable", "a message on %s was not forwarded: %s", message.topic, error)
             return
         self.passed += 1
         self._put(key, sample)

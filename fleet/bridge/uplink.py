@@ -113,7 +113,7 @@ class Uplink:
         if slot is None:
             return
         if slot.ours and (not slot.shared or is_of_the_fleet(sample, slot.channel)):
-            line = "somebody on the bus said %s of %s, whose robot runs here and says it itself"
+            line = "refused %s of %s from the bus: its robot runs in this process and reports it itself"
             self.refusals.add("forged", line, slot.channel, slot.twin)
             return
         self._take(slot, sample)
@@ -257,7 +257,7 @@ class Uplink:
         lost = durable - self._told
         if lost and now >= self._next_tell:
             self._told, self._next_tell = durable, now + TELL_EVERY
-            log.warning("%d events came faster than they may cross to the cloud and were dropped", lost)
+            log.warning("dropped %d events above the permitted rate to the cloud", lost)
 
     def _repeat(self, now: float) -> Iterator[None]:
         """Repeat unchanged state: otherwise a subscriber cannot tell a parked robot from a lost one."""
@@ -283,7 +283,7 @@ class Uplink:
             self._refuse(slot, error)
         except Exception as error:  # noqa: BLE001 - exception barrier: other robots go on
             slot.refused = True
-            line = "a sample on %s of %s did not cross: %s"
+            line = "a sample on %s of %s was not forwarded: %s"
             self.refusals.add("failed", line, slot.channel, slot.twin, repr(error))
 
     def _queue(self, slot: OutboundChannel, suffix: str, payload: bytes) -> None:
@@ -301,7 +301,7 @@ class Uplink:
     def _refuse(self, slot: OutboundChannel, error: WireError) -> None:
         """Count a sample that cannot be forwarded, with the reason."""
         slot.refused = True
-        line = "a sample on %s of %s did not cross: %s"
+        line = "a sample on %s of %s was not forwarded: %s"
         self.refusals.add("unreadable", line, slot.channel, slot.twin, error)
 
     def _meet(self, key: str) -> OutboundChannel | None:
@@ -312,7 +312,7 @@ class Uplink:
         # A program's result from one sensor of a robot is seldom the state of the robot itself.
         if parsed is None or twin is None or rule is None or (parsed.sensor is not None and not rule.sensors):
             if parsed and twin and is_left_out(parsed):
-                line = "%.120s stays on the bus: no rule has it (cloud.channels in fleet.yaml adds one)"
+                line = "%.120s stays on the bus: no rule forwards it (cloud.channels in fleet.yaml adds one)"
                 self.refusals.add("no rule", line, key)
             return self._slots.setdefault(key, None) if len(self._slots) < STRANGERS else None
         if parsed.sensor is not None and len(self._slots) >= STRANGERS:
@@ -330,7 +330,7 @@ def _tell_unread(slot: OutboundChannel, sample: bytes, refusals: RateLimitedCoun
     """Report the fields of a program's message that are not forwarded; for the first message of a key."""
     unread = unread_fields(slot.channel, sample)
     if unread:
-        line = "of %s of %s these fields do not cross: %s"
+        line = "%s of %s: these fields are not forwarded: %s"
         refusals.add("unknown fields", line, slot.channel, slot.twin, ", ".join(unread)[:200])
 
 

@@ -156,7 +156,10 @@ def _identity(settings: BusSettings) -> str:
 
 def _shut_out(endpoints: Iterable[str]) -> str:
     """Return the error text for endpoints that cannot be joined; Zenoh gives no reason."""
-    return f"nobody lets us in at {', '.join(endpoints)}: gone, frozen, or with other user, password or tls"
+    where = ", ".join(endpoints)
+    return (
+        f"cannot join the bus at {where}: peer down or frozen, or its user, password or TLS settings differ"
+    )
 
 
 def _place(endpoint: str) -> tuple[str, str]:

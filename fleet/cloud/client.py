@@ -243,7 +243,7 @@ class CloudClient:
             except CloudError as error:
                 cause = str(error)
             except Exception as error:
-                logger.exception("the cloud connection failed in a way that was not foreseen")
+                logger.exception("unexpected failure of the cloud connection")
                 cause = f"{type(error).__name__}: {error}"
             if self._stopping.is_set():
                 return
@@ -310,7 +310,7 @@ class CloudClient:
         try:
             self._on_message(messages)
         except Exception:
-            logger.exception("handing over %d messages failed", len(messages))
+            logger.exception("delivering %d messages failed", len(messages))
 
     def _set_state(self, state: CloudState, cause: str) -> None:
         """Report a change of state, once."""
@@ -321,4 +321,4 @@ class CloudClient:
         try:
             self._on_state(state, cause)
         except Exception:
-            logger.exception("telling the cloud's state failed")
+            logger.exception("reporting the state of the cloud connection failed")

@@ -39,4 +39,4 @@ class FallbackReader:
             try:
                 found = self._look()
             except Exception:
-                logger.exception("what the loop left unread could not be read")
+                logger.exception("the fallback reader failed")

@@ -101,7 +101,7 @@ class InflightWindow:
             self._timed = None
         message = self._inflight.pop(packet.packet_id, None)
         if message is None:
-            logger.warning("the broker acknowledges message %d, which is not under way", packet.packet_id)
+            logger.warning("the broker acknowledges message %d, which is not in flight", packet.packet_id)
             return
         outcome = _OUTCOMES.get(int(packet.reason_code))
         if outcome is None:

@@ -141,7 +141,7 @@ class MqttConnection:
         try:
             more = self._take()
         except Exception:
-            logger.exception("taking what was handed over failed")
+            logger.exception("dispatching received messages failed")
         if more:
             self._take_on(self._follow_up)
         self._loop.call_soon(self._conclude)
@@ -183,7 +183,7 @@ class MqttConnection:
                 self._session.receive(packet, now)
         except OSError as error:
             hint = f" before it said anything; if it wants TLS, {TRY_TLS}" * self._silent
-            self._failure = CloudError(f"the connection to the broker fell: {error}{hint}")
+            self._failure = CloudError(f"the connection to the broker was lost: {error}{hint}")
         except WireError as error:
             message = recover_publish(error)
             if message is not None:
@@ -193,7 +193,7 @@ class MqttConnection:
         except CloudError as error:
             self._failure = error.with_traceback(None)  # its frames would keep this connection alive
         except Exception as error:
-            logger.exception("reading what the broker sent failed in a way that was not foreseen")
+            logger.exception("unexpected error while reading from the broker")
             self._failure = CloudError(f"{type(error).__name__}: {error}")
         if messages := self._session.take_messages():
             self._deliver(messages)

@@ -152,7 +152,7 @@ class MqttSession:
         """Record the filters that the broker refuses."""
         problems = self._subscriptions.answered(packet)
         if problems is None:
-            raise _broken("the broker answers a subscription that was not asked for")
+            raise _broken("the broker answers an unknown subscription")
         self.problems += problems
         self.ready = not self._subscriptions.open
 
@@ -174,9 +174,9 @@ class MqttSession:
         """Receive a QoS 2 message, and remember its identifier until PUBREL."""
         if identifier not in self._half_received:
             if len(self._half_received) >= INBOUND:
-                self._take_flawed(packet, "it has too many before it")
+                self._take_flawed(packet, "beyond the Receive Maximum")
                 code = mqtt5.DisconnectReasonCode.RECEIVE_MAX_EXCEEDED
-                raise SessionEnded("the broker has too many QoS 2 messages under way", code)
+                raise SessionEnded("the broker has too many QoS 2 messages in flight", code)
             self._half_received.add(identifier)
             self.take(_message_of(packet))
         self._replies.append(mqtt5.PubRecPacket(identifier))

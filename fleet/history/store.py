@@ -188,7 +188,7 @@ class History:
         """Report that events are kept only in memory; a damaged file is moved aside when opened again."""
         if isinstance(error, sqlite3.Error) and (is_corrupt(error) or _may_heal(error)):
             self._shut()
-        problem = f"the history is kept in memory alone: {error}"
+        problem = f"the history is kept in memory only: {error}"
         if problem != self.problem:
             log.error("%s", problem)
         self.problem = problem

@@ -56,10 +56,10 @@ def offset_of(sent: float, told: float, received: float) -> Offset:
 def check_clock(where: str, offset: Offset | None) -> None:
     """Raise Refused for the clock of a process that differs too much, or that could not be measured."""
     if offset is None:
-        raise Refused(f"{where} does not tell its time: nobody is started")
+        raise Refused(f"{where} does not report its time: no robot is started")
     if offset.worst > CLOCKS_WITHIN:
         raise Refused(
             f"the clock of {where} is {offset.seconds * 1000:+.0f} ms from ours (within "
-            f"{offset.bound * 1000:.0f} ms), {CLOCKS_WITHIN * 1000:.0f} ms are the most: nobody is started",
+            f"{offset.bound * 1000:.0f} ms), {CLOCKS_WITHIN * 1000:.0f} ms are the most: no robot is started",
             hint="synchronise the clocks, by NTP or PTP",
         )

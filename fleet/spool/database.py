@@ -66,7 +66,7 @@ def open_checked(
             log.error("%s cannot be read (%s): set aside as %s", path, error, aside.name)  # noqa: TRY400
             return _opened(path, formats, synchronous, busy), aside
     except (sqlite3.Error, OSError) as error:
-        raise StateError(f"{path} cannot be used: {error}; set edge.spool.path, or mend the disk") from None
+        raise StateError(f"{path} cannot be used: {error}; set edge.spool.path, or repair the disk") from None
 
 
 class _Damaged(sqlite3.DatabaseError):

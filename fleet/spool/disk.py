@@ -74,7 +74,7 @@ class SpoolDisk:
         except StateTaken:
             raise
         except StateError as error:
-            log.debug("opening the store tells this: %s", error)
+            log.debug("cannot open the spool yet: %s", error)
         self._open_store()
         self._thread = threading.Thread(target=self._run, name="fleet-spool", daemon=True)
         self._thread.start()
@@ -136,7 +136,7 @@ class SpoolDisk:
             for each in left:
                 self._queue.found(each.topic, each.traffic, each.count, each.oldest, each.newest)
         if self._queue.waiting:
-            log.info("%d messages wait from before", self._queue.waiting)
+            log.info("%d messages are left from an earlier run", self._queue.waiting)
 
     def _close_store(self) -> None:
         """Close the file, if it is open."""
@@ -185,7 +185,7 @@ class SpoolDisk:
         if abs(stepped) >= STEPPED:
             store.postpone(stepped, after=self._queue.before)
             self._offset += stepped
-            log.info("the clock was set by %.0f s: what waits keeps its age", stepped)
+            log.info("the clock was set by %.0f s: stored messages keep their age", stepped)
 
     def _write(self, store: SpoolFile) -> None:
         """Write and delete the due messages, after making room."""
@@ -209,7 +209,7 @@ class SpoolDisk:
             self._queue.wrote(work)
         self._dirty = True
         if self.problem:
-            log.info("the spool is written again")
+            log.info("the spool can be written again")
             self.problem = ""
 
     def _change(self, store: SpoolFile, work: DiskWork, losses: list[Gap] | None) -> None:
@@ -270,5 +270,5 @@ class SpoolDisk:
         """Log and record that messages are kept in memory only."""
         problem = f"the spool cannot be written: {error}"
         if problem != self.problem:
-            log.error("%s; what waits is kept in memory alone", problem)
+            log.error("%s; messages are kept in memory only", problem)
         self.problem = problem

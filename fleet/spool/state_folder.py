@@ -40,7 +40,7 @@ def made(folder: Path) -> Path:
         folder.mkdir(mode=0o700, parents=True, exist_ok=True)
     except OSError as error:
         raise StateError(
-            f"cannot make {folder} for the edge's lasting state: {error.strerror}; set edge.spool.path"
+            f"cannot create {folder} for the edge's state: {error.strerror}; set edge.spool.path"
         ) from None
     return folder
 
@@ -67,7 +67,7 @@ class FileLock:
             holder = os.pread(file, 20, 0).decode(errors="replace").strip() or "unknown"
             os.close(file)
             raise StateTaken(
-                f"{self._path.parent} belongs to another edge that runs (process {holder}); "
+                f"{self._path.parent} belongs to another running edge (process {holder}); "
                 "give each edge its own edge.spool.path"
             ) from None
         self._file = file

@@ -35,7 +35,7 @@ class DisconnectNotice:
             os.lseek(self._file, 0, os.SEEK_SET)
             self._event_reporter = subprocess.Popen(self._command, stdin=self._file, start_new_session=True)  # noqa: S603
         except OSError as error:
-            self._told(f"the cloud is not told that the edge died: {error.strerror}")
+            self._told(f"cannot report the death of the edge to the cloud: {error.strerror}")
         self.forget()
 
     def break_off(self) -> None:

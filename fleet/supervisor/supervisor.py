@@ -208,7 +208,7 @@ class Supervisor:
         if now - self._started > STABLE_AFTER:
             self._waits = backoff(first=FIRST_WAIT, longest=LONGEST_WAIT)
         self._child, self._start_at = None, now + next(self._waits)
-        self._told(ended := f"the edge ended ({reason_of(code)}); it is started again")
+        self._told(ended := f"the edge ended ({reason_of(code)}); restarting it")
         self._manager.away(ended)
         return None
 
@@ -222,7 +222,7 @@ class Supervisor:
             if not self._ran:
                 raise
             self._start_at = now + next(self._waits)
-            self._told(f"the edge cannot be started: {error.strerror}; it is tried again")
+            self._told(f"the edge cannot be started: {error.strerror}; retrying")
             return
         if self._signalled:  # while it was being started
             self._child.send_signal(self._signalled)
@@ -249,7 +249,7 @@ class Supervisor:
             edge.heard = now  # we were suspended too: its heartbeats have not been read yet
         elif now - edge.heard > FROZEN:
             halted = edge.halts.write()
-            self._told(f"the edge is frozen: killed; halted: {', '.join(halted) or 'nobody'}")
+            self._told(f"the edge is frozen: killed; halted: {', '.join(halted) or 'none'}")
             self._child.kill()
             edge.heard = now
 
@@ -264,7 +264,7 @@ class Supervisor:
         try:
             sock, _ = listener.accept()
         except OSError as error:
-            self._told(f"nobody can connect to the supervisor: {error.strerror}")
+            self._told(f"cannot accept a connection to the supervisor: {error.strerror}")
             return
         sock.setblocking(False)
         peer = _Peer(sock, self._clock.monotonic())
@@ -337,7 +337,7 @@ class Supervisor:
         peer.sock.close()
         halted = peer.halts.write()
         if peer.halts.robots:
-            self._told(f"{peer.name} has died; halted: {', '.join(halted) or 'nobody'}")
+            self._told(f"{peer.name} has died; halted: {', '.join(halted) or 'none'}")
             self._dead.append(_Dead(peer.halts, REPEATS - 1, self._clock.monotonic() + LOOK))
         if peer.is_edge:
             for worker in filter(_has_robots, self._peers):

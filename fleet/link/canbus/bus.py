@@ -230,8 +230,9 @@ class OpenCanBus:
         elif now - self._full_since > _FULL_FOR:
             channel = _parse(self.url, rates=True).channel
             self._dead = (
-                "its transmit queue stays full, nobody acknowledges: are the drives powered? It may hold old "
-                f"targets: before power comes back run  ip link set {channel} down; ip link set {channel} up"
+                "its transmit queue stays full, no node acknowledges: are the drives powered? It may hold "
+                "old targets: before power comes back run  "
+                f"ip link set {channel} down; ip link set {channel} up"
             )
 
 

@@ -396,7 +396,7 @@ def test_a_robot_that_fails_to_take_a_message_does_not_keep_the_next_one_waiting
     rex.take = broken
     bench.arrive(command("takeoff"), command("takeoff", topic=f"cyberwave/twin/{OTHER}/command"))
     assert len(ports[OTHER].received) == 1
-    assert "could not be taken" in caplog.text
+    assert "could not be dispatched" in caplog.text
 
 
 def test_a_message_beyond_the_size_of_its_topic_is_not_read(bench, rex):

@@ -321,7 +321,7 @@ def test_too_many_qos_2_messages_under_way_end_the_session():
     with pytest.raises(SessionEnded) as caught:
         talk.hear(*flood)
     assert caught.value.code == mqtt5.DisconnectReasonCode.RECEIVE_MAX_EXCEEDED
-    assert talk.session.take_messages()[-1].flaw == "it has too many before it", "it may be a stop"
+    assert talk.session.take_messages()[-1].flaw == "beyond the Receive Maximum", "it may be a stop"
 
 
 @pytest.mark.parametrize(

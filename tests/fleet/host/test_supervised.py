@@ -228,7 +228,7 @@ def test_an_edge_that_was_killed_is_started_again(run):
     first = it.edge.pid
     os.kill(first, signal.SIGKILL)
     wait_until("it is started again", lambda: it.has_another_edge(first))
-    it.line("the edge ended .killed by SIGKILL.; it is started again")
+    it.line("the edge ended .killed by SIGKILL.; restarting it")
     it.ready(after=first)
 
 

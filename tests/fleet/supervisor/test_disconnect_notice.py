@@ -53,4 +53,4 @@ def test_a_program_that_cannot_be_started_is_told(left):
     farewell = DisconnectNotice(["/nowhere/at/all"], lines.append)
     farewell.keep([left(b"x")])
     farewell.tell()
-    assert lines == ["the cloud is not told that the edge died: No such file or directory"]
+    assert lines == ["cannot report the death of the edge to the cloud: No such file or directory"]
