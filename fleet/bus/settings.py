@@ -76,7 +76,7 @@ def runtime_dir(environ: Mapping[str, str] = os.environ) -> Path:
             raise BusError(f"{path} is not a directory of this user; set FLEET_RUNTIME_DIR to one that is")
         path.chmod(0o750 if path == SERVICE_RUNTIME else 0o700)
     except OSError as error:
-        raise BusError(f"cannot make {path} for the bus's sockets: {error.strerror}") from None
+        raise BusError(f"cannot create {path} for the bus's sockets: {error.strerror}") from None
     return path
 
 

@@ -134,7 +134,7 @@ def test_an_edge_that_its_router_does_not_let_in_says_so(directory, opened, free
     assert "cannot join the bus at tcp/localhost" in knows.problem
     opened(open_edge(hub, directory))
     wait_until("the router lets in who knows", lambda: not knows.problem)
-    assert "other user, password or tls" in guesses.problem
+    assert "its user, password or TLS settings differ" in guesses.problem
 
 
 def test_both_lanes_of_an_edge_with_a_password_meet(directory, opened, sees):

@@ -119,7 +119,7 @@ def test_a_folder_that_cannot_be_made_keeps_events_in_memory_and_is_told_and_tri
     store = History(tmp_path / "state", clock)
     store.add("rex", event())
     store.write()
-    assert "memory alone" in store.problem
+    assert "memory only" in store.problem
     assert [record.text for record in store.waiting()] == ["takeoff accepted"]
     (tmp_path / "state").unlink()
     store.write()

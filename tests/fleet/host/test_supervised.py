@@ -317,4 +317,4 @@ def test_a_mistake_in_fleet_yaml_is_told_once_and_nothing_is_started_again(yard)
         timeout=60,
     )
     assert ended.returncode == 3
-    assert "started again" not in ended.stderr
+    assert "restarting it" not in ended.stderr

@@ -246,14 +246,14 @@ def test_what_waits_while_the_file_cannot_be_replaced_is_sent_from_memory(opened
 
 def test_two_edges_do_not_share_a_folder(tmp_path, opened):
     first = opened()
-    with pytest.raises(StateError, match=f"another edge that runs \\(process {os.getpid()}\\)"):
+    with pytest.raises(StateError, match=f"another running edge \\(process {os.getpid()}\\)"):
         type(first)(tmp_path / "state", first.clock)
 
 
 def test_a_folder_that_cannot_be_made_is_told_and_memory_serves_until_it_can(tmp_path, opened):
     (tmp_path / "file").write_text("")
     spool = opened(tmp_path / "file" / "state")
-    assert re.search(r"cannot make .*file/state.*set edge\.spool\.path", spool.spool.problem)
+    assert re.search(r"cannot create .*file/state.*set edge\.spool\.path", spool.spool.problem)
     spool.put(*payloads(3)).online()
     assert [payload for _, payload in spool.drain()] == payloads(3)
     (tmp_path / "file").unlink()
