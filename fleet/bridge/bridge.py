@@ -20,7 +20,7 @@ from fleet.bridge.round_trip import RoundTrip
 from fleet.bridge.twin_conflicts import TwinConflictMonitor
 from fleet.bridge.uplink import Uplink
 from fleet.clock import Clock
-from fleet.cloud.client import CloudClient, Way
+from fleet.cloud.client import CloudClient, PublishRoute
 from fleet.cloud.credentials import client_id
 from fleet.cloud.values import CloudMessage, CloudSettings, CloudState, Will
 from fleet.model.health import Health, Level, degraded
@@ -127,14 +127,14 @@ class Bridge:
         )
         self._infos = _infos(ports, rules)
 
-        def open_way(topic: str, rule: TopicRule) -> Way:
-            return self.client.way(topic, qos=rule.qos, traffic=rule.traffic, expiry=rule.max_age or None)
+        def open_route(topic: str, rule: TopicRule) -> PublishRoute:
+            return self.client.route(topic, qos=rule.qos, traffic=rule.traffic, expiry=rule.max_age or None)
 
         self.uplink = Uplink(
             topics,
             self._infos,
             session=session,
-            open_way=open_way,
+            open_route=open_route,
             client=self.client,
             alive=alive,
             waiting=lambda: self.client.stats.queued_bytes,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import msgspec
 
-from fleet.cloud.client import Way
+from fleet.cloud.client import PublishRoute
 from fleet.errors import WireError
 from fleet.model.report import Report
 from fleet.wire.parts import PARTED, rule_of_part
@@ -66,6 +66,7 @@ class OutboundChannel:
         "rate",
         "refused",
         "repeat",
+        "routes",
         "rule",
         "sample",
         "sensor",
@@ -77,7 +78,6 @@ class OutboundChannel:
         "streams",
         "traffic",
         "twin",
-        "ways",
     )
 
     def __init__(self, key: DataKey, info: TwinInfo, rule: TopicRule, session: str) -> None:
@@ -93,7 +93,7 @@ class OutboundChannel:
         self.document = rule.form is TopicForm.DOCUMENT
         self.traffic = int(rule.traffic)
         self.size = rule.size
-        self.ways: dict[str, Way] = {}  # by suffix
+        self.routes: dict[str, PublishRoute] = {}  # by suffix
         self.durable = rule.traffic.durable
         self.shared = self.durable or key.channel in SHARED
         self.ours = False  # reported by a robot of this process: others may not publish in its name

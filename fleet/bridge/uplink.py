@@ -16,7 +16,7 @@ from fleet.bridge.counters import ClassCounts
 from fleet.bridge.event_limits import EventLimits
 from fleet.bridge.outbound_channel import REPEAT_LOOK, OutboundChannel, TwinInfo, is_left_out
 from fleet.clock import Clock
-from fleet.cloud.client import Way
+from fleet.cloud.client import PublishRoute
 from fleet.errors import WireError
 from fleet.model.event import EventReport
 from fleet.model.report import Report
@@ -36,14 +36,14 @@ LOOKS = 100  # channels checked for repetition in one step
 STRANGERS = 10_000  # bound of the remembered keys: any program on the bus can create more
 TELL_EVERY = 10.0  # s between warnings of dropped events
 
-OpenWay = Callable[[str, TopicRule], Way]
+OpenRoute = Callable[[str, TopicRule], PublishRoute]
 """Returns the publish route of a topic with its rule; called once for each topic."""
 
 
 class Client(Protocol):
     """Queue for payloads, each with its route, until the end of the tick."""
 
-    def queue(self, way: Way, payload: bytes) -> None:
+    def queue(self, route: PublishRoute, payload: bytes) -> None:
         """Queue one payload."""
 
 
@@ -62,7 +62,7 @@ class Uplink:
         twins: Mapping[str, TwinInfo],
         *,
         session: str,
-        open_way: OpenWay,
+        open_route: OpenRoute,
         client: Client,
         alive: Callable[[str], bool],
         waiting: Callable[[], int],
@@ -73,7 +73,7 @@ class Uplink:
         self._topics = topics
         self._twins = twins
         self._session = session
-        self._open_way = open_way
+        self._open_route = open_route
         self._client = client
         self._alive = alive
         self._waiting = waiting
@@ -292,11 +292,11 @@ class Uplink:
             line = "%s of %s: %d bytes are more than the %d of its rule"
             self.refusals.add("too large", line, suffix, slot.twin, len(payload), slot.size)
             return
-        way = slot.ways.get(suffix)
-        if way is None:
-            way = slot.ways[suffix] = self._open_way(self._topics.twin(slot.twin, suffix), slot.rule)
+        route = slot.routes.get(suffix)
+        if route is None:
+            route = slot.routes[suffix] = self._open_route(self._topics.twin(slot.twin, suffix), slot.rule)
         self.sent.counts[slot.traffic] += 1
-        self._client.queue(way, payload)
+        self._client.queue(route, payload)
 
     def _refuse(self, slot: OutboundChannel, error: WireError) -> None:
         """Count a sample that cannot be forwarded, with the reason."""

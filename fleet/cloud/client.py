@@ -20,7 +20,7 @@ from fleet.cloud.fallback_reader import FallbackReader
 from fleet.cloud.mqtt_connection import TRY_TLS, MqttConnection
 from fleet.cloud.mqtt_session import MqttSession, SessionRefused
 from fleet.cloud.outbound_queue import OutboundQueue
-from fleet.cloud.publish import PublishRoute, publish_route
+from fleet.cloud.publish import Qos0Route, qos0_route
 from fleet.cloud.reconnect_backoff import Backoff
 from fleet.cloud.topics import check_apart, check_topic
 from fleet.cloud.values import CloudMessage, CloudSettings, CloudState, CloudStats
@@ -42,7 +42,7 @@ class DurableRoute(msgspec.Struct, frozen=True):
     expiry: float | None
 
 
-Way = PublishRoute | DurableRoute
+PublishRoute = Qos0Route | DurableRoute
 
 
 class CloudClient:
@@ -150,29 +150,29 @@ class CloudClient:
             message = Outgoing(check_topic(topic), payload, qos, traffic, expiry, correlation, content_type)
             taken = self.spool.put(message)
         else:
-            taken = self._outbox.put_light(publish_route(topic, expiry), payload)
+            taken = self._outbox.put_qos0(qos0_route(topic, expiry), payload)
         if later:
             self._queued = True
         elif taken:
             self.flush()
         return taken
 
-    def way(self, topic: str, *, qos: int, traffic: TrafficClass, expiry: float | None) -> Way:
+    def route(self, topic: str, *, qos: int, traffic: TrafficClass, expiry: float | None) -> PublishRoute:
         """Return the publish route of a topic for ``queue``; checked once, for messages many times a second.
 
         Raises ValueError for a topic with wildcards.
         """
         if not qos:
-            return publish_route(topic, expiry)
+            return qos0_route(topic, expiry)
         return DurableRoute(check_topic(topic), qos, traffic, expiry)
 
-    def queue(self, way: Way, payload: bytes) -> None:
+    def queue(self, route: PublishRoute, payload: bytes) -> None:
         """Queue a message on a route, as ``publish`` does with ``later``."""
-        if isinstance(way, DurableRoute):
-            self.spool.put(Outgoing(way.topic, payload, way.qos, way.traffic, way.expiry))
+        if isinstance(route, DurableRoute):
+            self.spool.put(Outgoing(route.topic, payload, route.qos, route.traffic, route.expiry))
             self._queued = True  # last: a concurrent flush must not clear the flag before
         else:
-            self._outbox.put_light(way, payload)
+            self._outbox.put_qos0(route, payload)
 
     def flush_queued(self) -> None:
         """Flush if messages were queued since; from another thread, a flush costs more than a message."""

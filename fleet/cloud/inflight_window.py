@@ -8,7 +8,7 @@ import mqtt5
 
 from fleet.cloud.outbound_queue import OutboundQueue
 from fleet.cloud.packets import Protocol
-from fleet.cloud.publish import QueuedQos0, publish, publish_light
+from fleet.cloud.publish import QueuedQos0, publish, publish_qos0
 from fleet.cloud.values import PAYLOAD_LIMIT, CloudStats
 from fleet.spool.message import Outcome, Outgoing
 
@@ -22,7 +22,7 @@ _RESERVE = 8
 """Divisor: this part of the window is reserved for urgent messages."""
 _BATCH = 16 * 1024
 """Approximate bytes of one write; other work of the loop runs between two writes."""
-_LIGHT = _BATCH // 2
+_QOS0_SHARE = _BATCH // 2
 """Approximate share of QoS 0 in a write, in bytes: robot states stay current during a backlog."""
 
 _OUTCOMES = {
@@ -79,11 +79,13 @@ class InflightWindow:
         sent = b""
         while not sent:
             batch = self._next_batch(now)
-            light = self._outbox.take_light(now, max(_LIGHT, _BATCH - sum(message.size for message in batch)))
-            if not (batch or light):
+            qos0 = self._outbox.take_qos0(
+                now, max(_QOS0_SHARE, _BATCH - sum(message.size for message in batch))
+            )
+            if not (batch or qos0):
                 break
             sent = b"".join([self._publish(message, now) for message in batch])
-            sent += b"".join([self._publish_light(message, now) for message in light])
+            sent += b"".join([self._publish_qos0(message, now) for message in qos0])
         self._stats.inflight = len(self._inflight)
         return sent
 
@@ -159,14 +161,14 @@ class InflightWindow:
             self._timed = self._timed or (identifier, now)
         return data
 
-    def _publish_light(self, message: QueuedQos0, now: float) -> bytes:
+    def _publish_qos0(self, message: QueuedQos0, now: float) -> bytes:
         """Return the packet of a QoS 0 message; empty if the broker would refuse it."""
         try:
-            data = publish_light(message, now, self._protocol)
+            data = publish_qos0(message, now, self._protocol)
             if len(data) > self._packet_limit:
                 raise self._too_large(data)
         except (ValueError, TypeError) as error:
-            self._cannot(message.where.topic, error)
+            self._cannot(message.route.topic, error)
             self._stats.outcomes[Outcome.REFUSED] += 1
             return b""
         self._stats.sent += 1

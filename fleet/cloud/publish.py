@@ -34,7 +34,7 @@ def publish(message: Outgoing, identifier: int, now: float, protocol: Protocol) 
     return encode(packet, protocol)
 
 
-class PublishRoute(msgspec.Struct, frozen=True, gc=False):
+class Qos0Route(msgspec.Struct, frozen=True, gc=False):
     """Publish route of QoS 0 messages; ``expiry`` is their lifetime in seconds, None for no limit."""
 
     topic: str
@@ -42,33 +42,33 @@ class PublishRoute(msgspec.Struct, frozen=True, gc=False):
 
 
 @functools.lru_cache(maxsize=16384)  # an edge publishes on the same few topics
-def publish_route(topic: str, expiry: float | None) -> PublishRoute:
+def qos0_route(topic: str, expiry: float | None) -> Qos0Route:
     """Return the route of a topic; raise ValueError if no message can be published to it."""
-    return PublishRoute(check_topic(topic), expiry)
+    return Qos0Route(check_topic(topic), expiry)
 
 
 class QueuedQos0(msgspec.Struct, frozen=True, gc=False):
     """A queued QoS 0 message; ``since`` is the monotonic time of queueing in seconds."""
 
-    where: PublishRoute
+    route: Qos0Route
     payload: bytes
     since: float
 
     def is_late(self, now: float) -> bool:
         """Return whether the message has expired."""
-        return self.where.expiry is not None and now - self.since >= self.where.expiry
+        return self.route.expiry is not None and now - self.since >= self.route.expiry
 
 
-def publish_light(message: QueuedQos0, now: float, protocol: Protocol) -> bytes:
+def publish_qos0(message: QueuedQos0, now: float, protocol: Protocol) -> bytes:
     """Return the packet of a QoS 0 message with its remaining lifetime.
 
     Raises ValueError or TypeError for content that MQTT cannot carry.
     """
-    where = message.where
+    route = message.route
     packet = mqtt5.PublishPacket(
-        where.topic,
+        route.topic,
         message.payload,
-        message_expiry_interval=None if where.expiry is None else _whole(message.since + where.expiry - now),
+        message_expiry_interval=None if route.expiry is None else _whole(message.since + route.expiry - now),
     )
     return encode(packet, protocol)
 

@@ -140,7 +140,7 @@ class World:
             clock=clock,
         )
         self.bridge.client.publish = self._publish
-        self.bridge.client.way = lambda topic, **how: partial(self._publish, topic, **how)
+        self.bridge.client.route = lambda topic, **how: partial(self._publish, topic, **how)
         self.bridge.client.queue = lambda way, payload: way(payload)
 
     def _asked(self, topic, _message):

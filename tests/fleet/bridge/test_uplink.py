@@ -66,7 +66,7 @@ class Bench:
             Topics(""),
             twins,
             session="us",
-            open_way=lambda topic, rule: partial(self._publish, topic, rule.qos),
+            open_route=lambda topic, rule: partial(self._publish, topic, rule.qos),
             client=self,
             alive=lambda name: self.alive and name == "rex",
             waiting=lambda: self.queued_bytes,
@@ -200,7 +200,7 @@ def test_an_event_at_which_the_bridge_fails_takes_no_state_beside_it_along(bench
     bench.cross({POSITION: a_pose(0.0), SCALE: ScaleReport(1.0, ONES)})
     bench.clock.advance(1.0)
     bench.sent.clear()
-    bench.uplink._open_way = fail  # of a topic that has not been opened yet
+    bench.uplink._open_route = fail  # of a topic that has not been opened yet
     wrong = {STATUS: NavigationReport(1.0, "a", ActionState.RUNNING, 1.0)}
     bench.cross({POSITION: a_pose(1.0)} | wrong | {SCALE: ScaleReport(1.0, ONES)})
     assert sorted(suffix for _, suffix, _, _ in bench.sent) == ["position", "rotation", "scale"]

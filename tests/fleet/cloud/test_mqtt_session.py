@@ -10,7 +10,7 @@ from fleet.cloud.inflight_window import WINDOW
 from fleet.cloud.mqtt_session import INBOUND, MqttSession, SessionEnded, SessionRefused
 from fleet.cloud.outbound_queue import OutboundQueue
 from fleet.cloud.packets import PacketDecoder
-from fleet.cloud.publish import publish_route
+from fleet.cloud.publish import qos0_route
 from fleet.cloud.values import CloudSettings, CloudStats, Will
 from fleet.spool.message import Outcome, Outgoing
 from fleet.spool.queue import NEWEST_FIRST
@@ -53,7 +53,7 @@ class Talk:
             self.box.spool.put(one)
 
     def light(self, topic, payload=b"x", expiry=None):
-        self.box.put_light(publish_route(topic, expiry), payload)
+        self.box.put_qos0(qos0_route(topic, expiry), payload)
 
     def outcomes(self):
         """How many were acknowledged, held and refused."""
