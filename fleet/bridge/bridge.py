@@ -59,7 +59,7 @@ class Bridge:
     ``alive`` returns whether a robot answers. ``put`` publishes on the bus. ``claimed`` is called with twin
     and edge when heartbeats in the cloud show that another edge serves the twin, and with an empty edge name
     when that edge is gone. ``spool`` stores durable messages; it is closed with the bridge. ``handlers``
-    handle, by topic suffix, requests to the edge itself. ``voice`` publishes the messages of the edge itself;
+    handle, by topic suffix, requests to the edge itself. ``publisher`` publishes the edge's own messages;
     ``streams`` are the video streams of programs on the bus.
     """
 
@@ -90,7 +90,7 @@ class Bridge:
         def publish(topic: str, payload: bytes, **how: Any) -> bool:
             return self.client.publish(topic, payload, **how)  # the client is built after its publishers
 
-        self.voice = EdgePublisher(topics, edge=edge, session=session, publish=publish, clock=clock)
+        self.publisher = EdgePublisher(topics, edge=edge, session=session, publish=publish, clock=clock)
         self._held: dict[str, str] = {}
         self.streams = OwnedStreams(ports, self.refusals, clock)
         self._conflicts = TwinConflictMonitor(
@@ -103,14 +103,14 @@ class Bridge:
             books={**rules.twins, **rules.environments, **rules.workflows},
             any_run=rules.any_run,
             session=session,
-            send=self.voice.answer,
+            send=self.publisher.answer,
             put=put,
             own={
                 "edge_health": lambda topic, message: self._conflicts.heard(
                     topic.twin, read_heartbeat(message.payload)
                 ),
-                "ping:request": self._heard_ping,
-                "pong:response": self._heard_pong,
+                "ping:request": self._handle_ping,
+                "pong:response": self._handle_pong,
                 **handlers,
             },
             refusals=self.refusals,
@@ -160,9 +160,9 @@ class Bridge:
     def close(self) -> None:
         """Report every twin as disconnected, then close the connection."""
         for port in self._served():
-            self.voice.tell(port, "disconnected", {"reason": "the edge ends"})
+            self.publisher.queue_telemetry(port, "disconnected", {"reason": "the edge ends"})
             if self._alive(port.name) and port.twin not in self.uplink.streaming:
-                self.voice.tell(port, TELEMETRY_END, {})
+                self.publisher.queue_telemetry(port, TELEMETRY_END, {})
         self.client.close()
 
     def join(self, port: RobotPort, rules: Rulebook) -> None:
@@ -185,7 +185,7 @@ class Bridge:
         if port is None:
             return
         if twin not in self._held:
-            self.voice.tell(port, "disconnected", {"reason": "the edge no longer serves it"})
+            self.publisher.queue_telemetry(port, "disconnected", {"reason": "the edge no longer serves it"})
         for table in (self._ports, self._rules.twins, self._infos):
             table.pop(twin)
         self._held.pop(twin, None)
@@ -207,14 +207,14 @@ class Bridge:
             self.uplink.arrived(key, sample)
         self.client.flush_queued()
 
-    def turn(self) -> Iterator[None]:
+    def tick(self) -> Iterator[None]:
         """Publish the due messages step by step; at the end of each tick of the scheduler."""
         self.downlink.deny()
-        yield from self.uplink.turn()
+        yield from self.uplink.tick()
         self.client.flush_queued()
 
-    def last_words(self) -> DisconnectPlan:
-        """Return the messages for the cloud in case this process dies."""
+    def disconnect_plan(self) -> DisconnectPlan:
+        """Return the plan that reports the twins as disconnected if this process dies."""
         topics = tuple(self._topics.twin(port.twin, "telemetry") for port in self._served())
         return DisconnectPlan(self._settings, self.session, topics)
 
@@ -246,21 +246,21 @@ class Bridge:
         for port in self._served():
             state = states.get(port.twin)
             how = {"health": state.health, "cause": state.cause} if state else {}
-            self.voice.beat(port, {**extra, **how}, self.streams.of(port.twin))
+            self.publisher.queue_heartbeat(port, {**extra, **how}, self.streams.of(port.twin))
         if edge is not None:
-            self.voice.beat_edge(edge, states.values())
+            self.publisher.queue_edge_state(edge, states.values())
         if self.client.state is CloudState.CONNECTED:
             for gap in (
                 *self.client.spool.take_gaps(),
                 *self.uplink.events.take_cuts(self._clock.monotonic()),
             ):
-                self._tell_gap(gap)
+                self._report_gap(gap)
         self.client.flush_queued()
 
     def _will(self) -> Will | None:
         """Return the will. A connection has only one, so it covers the first twin only."""
         for port in list(self._ports.values()):
-            topic, payload = self.voice.telemetry(port, "disconnected", {"reason": "the edge vanished"})
+            topic, payload = self.publisher.telemetry(port, "disconnected", {"reason": "the edge vanished"})
             return Will(topic, payload, qos=1)
         return None
 
@@ -271,27 +271,27 @@ class Bridge:
     def _ping(self) -> None:
         """Ping the cloud on the first twin, to measure the round trip."""
         for twin in self._ports:
-            self.voice.ping(twin)
+            self.publisher.ping(twin)
             return
 
-    def _heard_ping(self, topic: Topic, message: CloudMessage) -> None:
+    def _handle_ping(self, topic: Topic, message: CloudMessage) -> None:
         """Answer a ping on one of our twins."""
         check_ping(message.payload)
         if topic.twin in self._ports and topic.twin not in self._held:
-            self.voice.pong(self._ports[topic.twin])
+            self.publisher.pong(self._ports[topic.twin])
 
-    def _heard_pong(self, _topic: Topic, message: CloudMessage) -> None:
+    def _handle_pong(self, _topic: Topic, message: CloudMessage) -> None:
         """Handle the pong of the cloud."""
         self.round_trip.heard(message.payload)
 
-    def _tell_gap(self, gap: Gap) -> None:
+    def _report_gap(self, gap: Gap) -> None:
         """Report on the telemetry of a twin that messages of a topic were lost."""
         parsed = self._topics.parse(gap.topic)
         port = self._ports.get(parsed.twin) if parsed else None
         if parsed is None or port is None:
             return
         log.warning("%s: %d messages on %s were lost (%s)", port.name, gap.lost, parsed.suffix, gap.reason)
-        self.voice.tell_gap(port, parsed.suffix, gap)
+        self.publisher.queue_gap(port, parsed.suffix, gap)
 
     def _state_changed(self, state: CloudState, cause: str) -> None:
         """Log the new connection state; after a reconnect, publish the current state of everything."""
@@ -300,11 +300,11 @@ class Bridge:
         level = logging.WARNING if fallen or deaf else logging.INFO
         log.log(level, "cloud %s%s", state.value, f": {cause}" if cause else "")
         if state is CloudState.CONNECTED:
-            self.uplink.say_newest()
+            self.uplink.publish_newest()
             self.client.flush_queued()  # the current state first, then the queue
-            self._say_who_is_connected()
+            self._publish_connections()
 
-    def _say_who_is_connected(self) -> None:
+    def _publish_connections(self) -> None:
         """Correct the connection states in the cloud.
 
         The broker may have published our will, and a previous run of the edge may have left robots as
@@ -314,9 +314,11 @@ class Bridge:
         for port in self._served():
             alive = self._alive(port.name)
             if alive and not first:
-                self.voice.tell(port, "connected", {})
+                self.publisher.queue_telemetry(port, "connected", {})
             elif first and not alive:
-                self.voice.tell(port, "disconnected", {"reason": "no answer yet: the edge has just started"})
+                self.publisher.queue_telemetry(
+                    port, "disconnected", {"reason": "no answer yet: the edge has just started"}
+                )
         self.client.flush_queued()
 
 

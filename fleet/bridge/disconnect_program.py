@@ -33,10 +33,10 @@ class DisconnectPlan(msgspec.Struct, frozen=True):
     topics: tuple[str, ...]
 
 
-async def publish_disconnected(words: DisconnectPlan, clock: Clock) -> bool:
+async def publish_disconnected(plan: DisconnectPlan, clock: Clock) -> bool:
     """Publish ``disconnected`` on each topic; return whether the broker acknowledged all of it in time."""
     settings = msgspec.structs.replace(
-        words.settings, will=None, client_id=client_id("fleet-farewell", simulated=False)
+        plan.settings, will=None, client_id=client_id("fleet-farewell", simulated=False)
     )
     client = CloudClient(
         settings,
@@ -47,12 +47,12 @@ async def publish_disconnected(words: DisconnectPlan, clock: Clock) -> bool:
         clock=clock,
     )
     report = TelemetryReport(clock.time(), "disconnected", {"reason": REASON})
-    ((_, payload),) = to_mqtt(report, sender(source_type="edge", session=words.session))
-    for topic in words.topics:
+    ((_, payload),) = to_mqtt(report, sender(source_type="edge", session=plan.session))
+    for topic in plan.topics:
         client.publish(topic, payload, qos=1, later=True)
     client.start()
     client.flush()
-    end, topics = clock.monotonic() + WITHIN, len(words.topics)
+    end, topics = clock.monotonic() + WITHIN, len(plan.topics)
     while (open_ := _is_open(client, topics)) and clock.monotonic() < end:  # noqa: ASYNC110 - the client has counters, no event
         await asyncio.sleep(LOOK)
     await asyncio.to_thread(client.close)
@@ -67,8 +67,8 @@ def _is_open(client: CloudClient, topics: int) -> bool:
 def main() -> int:
     """Read the plan from standard input and carry it out; return 1 if the broker was not reached."""
     try:
-        words = decode_json(sys.stdin.buffer.read(), DisconnectPlan)
-        return 0 if asyncio.run(publish_disconnected(words, SystemClock())) else 1
+        plan = decode_json(sys.stdin.buffer.read(), DisconnectPlan)
+        return 0 if asyncio.run(publish_disconnected(plan, SystemClock())) else 1
     except (msgspec.DecodeError, FleetError) as error:
         sys.stderr.write(f"fleet: cannot report the death of the edge to the cloud: {error}\n")
         return 1

@@ -13,7 +13,7 @@ from fleet.wire.rulebook import Rulebook
 from fleet.wire.rules import CHANNEL_SUFFIXES, INWARD, KIB, RULES, TopicForm, TopicRule, TrafficClass
 from fleet.wire.topics import DataKey
 
-REPEAT_LOOK = 0.2  # s between two checks for samples to repeat
+REPEAT_CHECK = 0.2  # s between two checks for samples to repeat
 HEAVY = 64 * KIB
 """Bytes above which a message is sent in a step of its own: its translation may take milliseconds."""
 MOST_PARTS = 64  # of one channel of one twin; any program on the bus can create more
@@ -107,7 +107,7 @@ class OutboundChannel:
         self.period = 1.0 / rule.max_rate - SLACK if rule.max_rate else 0.0
         self.repeat = 1.0 / rule.repeat if rule.repeat else 0.0
         # Early rather than late: messages of a parked robot are at most 1 / repeat apart.
-        self.silence = max(self.repeat - 1.5 * REPEAT_LOOK, self.period)
+        self.silence = max(self.repeat - 1.5 * REPEAT_CHECK, self.period)
         self.sample: Report | bytes = b""
         self.fresh = False
         self.sent = float("-inf")
@@ -130,7 +130,7 @@ class OutboundChannel:
             found = self.parts.setdefault(name, OutboundChannel(self.key, self.info, rule, self.session))
         return found
 
-    def takes_event(self, now: float) -> bool:
+    def admits_event(self, now: float) -> bool:
         """Return False for an event above the channel's rate; the events of one second may arrive as a burst.
 
         Two threads with events of one channel at the same time may let one too many or too few pass.
@@ -142,7 +142,7 @@ class OutboundChannel:
         self.credit -= 1.0
         return True
 
-    def goes(self, now: float) -> None:
+    def mark_sent(self, now: float) -> None:
         """Record that the newest sample is sent, and when the next is due.
 
         A late sample does not delay the ones behind it: the delays would add up and, now and then, lose a

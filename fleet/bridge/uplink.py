@@ -14,7 +14,7 @@ from typing import Protocol
 
 from fleet.bridge.counters import ClassCounts
 from fleet.bridge.event_limits import EventLimits
-from fleet.bridge.outbound_channel import REPEAT_LOOK, OutboundChannel, TwinInfo, is_left_out
+from fleet.bridge.outbound_channel import REPEAT_CHECK, OutboundChannel, TwinInfo, is_left_out
 from fleet.clock import Clock
 from fleet.cloud.client import PublishRoute
 from fleet.errors import WireError
@@ -32,9 +32,9 @@ from fleet.wire.topics import Topics, data_key, parse_data_key
 log = logging.getLogger(__name__)
 
 STEP = 8  # samples in one step of a tick
-LOOKS = 100  # channels checked for repetition in one step
-STRANGERS = 10_000  # bound of the remembered keys: any program on the bus can create more
-TELL_EVERY = 10.0  # s between warnings of dropped events
+CHECKS = 100  # channels checked for repetition in one step
+MOST_KEYS = 10_000  # bound of the remembered keys: any program on the bus can create more
+WARN_EVERY = 10.0  # s between warnings of dropped events
 
 OpenRoute = Callable[[str, TopicRule], PublishRoute]
 """Returns the publish route of a topic with its rule; called once for each topic."""
@@ -81,13 +81,13 @@ class Uplink:
         self._held_up = False  # the network was full at the last tick
         self._backlog = 0  # bytes that waited to be sent at the last tick
         self._clock = clock
-        self._slots: dict[str, OutboundChannel | None] = {}
+        self._channels: dict[str, OutboundChannel | None] = {}
         self._repeated: list[OutboundChannel] = []
         # Filled on threads of the bus, emptied on the loop, each step atomic: never replace the deque.
         self._fresh: deque[OutboundChannel] = deque()
         self._next_repeat = float("-inf")
-        self._next_tell = float("-inf")
-        self._told = 0
+        self._next_warning = float("-inf")
+        self._warned = 0
         self.held: frozenset[str] = frozenset()
         self.streaming: set[str] = set()  # twins with video streams of a program on the bus
         self.refusals = refusals
@@ -105,18 +105,18 @@ class Uplink:
     def arrived(self, key: str, sample: bytes) -> None:
         """Handle a sample from the bus; any thread, never blocks."""
         try:
-            slot = self._slots[key]  # a single lookup: another thread may remove it
+            outbound = self._channels[key]  # a single lookup: another thread may remove it
         except KeyError:
-            slot = self._meet(key)
-            if slot is not None and not slot.document:
-                _tell_unread(slot, sample, self.refusals)
-        if slot is None:
+            outbound = self._resolve(key)
+            if outbound is not None and not outbound.document:
+                _report_unread(outbound, sample, self.refusals)
+        if outbound is None:
             return
-        if slot.ours and (not slot.shared or is_of_the_fleet(sample, slot.channel)):
+        if outbound.ours and (not outbound.shared or is_of_the_fleet(sample, outbound.channel)):
             line = "refused %s of %s from the bus: its robot runs in this process and reports it itself"
-            self.refusals.add("forged", line, slot.channel, slot.twin)
+            self.refusals.add("forged", line, outbound.channel, outbound.twin)
             return
-        self._take(slot, sample)
+        self._take(outbound, sample)
 
     def open(self, key: str) -> OutboundChannel | None:
         """Return the outbound channel of this process's own reports of a key; None if it is not forwarded.
@@ -125,20 +125,20 @@ class Uplink:
         its robots. Other programs may still publish their own events, but none in the format of the fleet.
         """
         try:
-            slot = self._slots[key]
+            outbound = self._channels[key]
         except KeyError:
-            slot = self._meet(key)
-        if slot is not None:
-            slot.ours = True
-        return slot
+            outbound = self._resolve(key)
+        if outbound is not None:
+            outbound.ours = True
+        return outbound
 
     def drop(self, twin: str) -> None:
         """Forget the channels of a twin after its robot was removed or replaced; on the loop."""
         begin = f"cw/{twin}/"
-        for key in [key for key in list(self._slots) if key.startswith(begin)]:
-            slot = self._slots.pop(key)
-            if slot is not None and slot in self._repeated:
-                self._repeated.remove(slot)
+        for key in [key for key in list(self._channels) if key.startswith(begin)]:
+            outbound = self._channels.pop(key)
+            if outbound is not None and outbound in self._repeated:
+                self._repeated.remove(outbound)
         self.streaming.discard(twin)
 
     def own(self, twins: Iterable[str]) -> None:
@@ -146,165 +146,171 @@ class Uplink:
         for twin in twins:
             self.open(data_key(twin, EventReport.channel))
 
-    def cross(self, batch: Sequence[tuple[OutboundChannel, Report]]) -> None:
+    def forward(self, batch: Sequence[tuple[OutboundChannel, Report]]) -> None:
         """Forward this process's own reports, each with its outbound channel; on the loop.
 
         Small reports that are due are sent immediately instead of queued for the tick.
         """
         now, held_up, backlog = self._clock.monotonic(), self._held_up, self._backlog
-        for slot, report in batch:
-            waits = slot.fresh or held_up or (slot.streams and backlog >= slot.backlog)
-            if slot.at_once and now >= slot.due and not waits:
-                self.received.counts[slot.traffic] += 1
-                slot.sample = report
-                slot.goes(now)
-                self._send(slot, report)
+        for outbound, report in batch:
+            waits = outbound.fresh or held_up or (outbound.streams and backlog >= outbound.backlog)
+            if outbound.at_once and now >= outbound.due and not waits:
+                self.received.counts[outbound.traffic] += 1
+                outbound.sample = report
+                outbound.mark_sent(now)
+                self._send(outbound, report)
             else:
-                self._take(slot, report)
+                self._take(outbound, report)
 
-    def _take(self, slot: OutboundChannel, sample: Report | bytes) -> None:
+    def _take(self, outbound: OutboundChannel, sample: Report | bytes) -> None:
         """Send an event immediately; of a state keep the newest sample for the tick."""
-        if slot.parted:
+        if outbound.parted:
             try:
-                slot, sample = self._part(slot, sample)
+                outbound, sample = self._part(outbound, sample)
             except WireError as error:
-                self.received.counts[slot.traffic] += 1
-                self._refuse(slot, error)
+                self.received.counts[outbound.traffic] += 1
+                self._refuse(outbound, error)
                 return
-        self.received.counts[slot.traffic] += 1
-        if slot.durable and slot.channel == EventReport.channel and self._is_told(slot, sample):
+        self.received.counts[outbound.traffic] += 1
+        if (
+            outbound.durable
+            and outbound.channel == EventReport.channel
+            and self._forward_event(outbound, sample)
+        ):
             return
-        if slot.durable:
-            if not slot.rate or slot.takes_event(self._clock.monotonic()):
-                self._send(slot, sample)
+        if outbound.durable:
+            if not outbound.rate or outbound.admits_event(self._clock.monotonic()):
+                self._send(outbound, sample)
             else:
-                self.dropped.add(slot.rule.traffic)
+                self.dropped.add(outbound.rule.traffic)
             return
-        slot.sample = sample
-        if slot.fresh:
-            self.conflated.counts[slot.traffic] += 1
+        outbound.sample = sample
+        if outbound.fresh:
+            self.conflated.counts[outbound.traffic] += 1
         else:
-            slot.fresh = True
-            self._fresh.append(slot)
+            outbound.fresh = True
+            self._fresh.append(outbound)
 
-    def _part(self, slot: OutboundChannel, sample: Report | bytes) -> tuple[OutboundChannel, Report]:
+    def _part(self, outbound: OutboundChannel, sample: Report | bytes) -> tuple[OutboundChannel, Report]:
         """Return channel and report of one part of a channel with several states; raises WireError."""
-        report = decode_report(slot.channel, sample) if isinstance(sample, bytes) else sample
-        if ends_every_stream(report) and slot.twin in self.streaming:
+        report = decode_report(outbound.channel, sample) if isinstance(sample, bytes) else sample
+        if ends_every_stream(report) and outbound.twin in self.streaming:
             raise WireError("a program here has streams of this twin, which it would close; name a sensor")
-        return slot.part(part_of(report)), report
+        return outbound.part(part_of(report)), report
 
-    def _is_told(self, slot: OutboundChannel, sample: Report | bytes) -> bool:
+    def _forward_event(self, outbound: OutboundChannel, sample: Report | bytes) -> bool:
         """Send an event of the fleet unless it is suppressed; False for an event of another program."""
         heard = sample if isinstance(sample, bytes) else None
         if isinstance(sample, bytes):
-            if not is_of_the_fleet(sample, slot.channel):
+            if not is_of_the_fleet(sample, outbound.channel):
                 return False
             try:
-                sample = decode_report(slot.channel, sample)
+                sample = decode_report(outbound.channel, sample)
             except WireError:  # handled like any other invalid document
                 return False
         if isinstance(sample, EventReport) and sample.kind in TOLD_TO_THE_CLOUD:
-            topic = self._topics.twin(slot.twin, slot.rule.suffix)
+            topic = self._topics.twin(outbound.twin, outbound.rule.suffix)
             now, wall = self._clock.monotonic(), self._clock.time()
             if self.events.admits(topic, sample, now, wall, heard=heard is not None):
-                self._send(slot, heard or sample)
+                self._send(outbound, heard or sample)
         return True
 
-    def turn(self) -> Iterator[None]:
+    def tick(self) -> Iterator[None]:
         """Publish the state that is due, a few samples in each step."""
         now = self._clock.monotonic()
         self._held_up, self._backlog = self._full(), self._waiting()
         yield from self._send_newest(now)
         if now >= self._next_repeat:
-            self._next_repeat = now + REPEAT_LOOK
+            self._next_repeat = now + REPEAT_CHECK
             if not self._held_up:
                 yield from self._repeat(now)
-            self._tell_dropped(now)
+            self._warn_of_drops(now)
 
-    def say_newest(self) -> None:
+    def publish_newest(self) -> None:
         """Publish the newest repeated state of all robots that answer, even if it was sent before."""
         now = self._clock.monotonic()
-        for slot in self._repeated:
-            if slot.sample and not slot.refused and self._alive(slot.info.robot):
-                slot.goes(now)
-                self._send(slot, slot.sample)
+        for outbound in self._repeated:
+            if outbound.sample and not outbound.refused and self._alive(outbound.info.robot):
+                outbound.mark_sent(now)
+                self._send(outbound, outbound.sample)
 
     def _send_newest(self, now: float) -> Iterator[None]:
         """Send the newest sample of each due state; of a stream only while the network accepts data."""
         for number in range(1, len(self._fresh) + 1):
-            slot = self._fresh.popleft()
-            if self._may_go(slot, now):
-                self._send(slot, slot.sample)
-            if slot.heavy or not number % STEP:
+            outbound = self._fresh.popleft()
+            if self._may_send(outbound, now):
+                self._send(outbound, outbound.sample)
+            if outbound.heavy or not number % STEP:
                 yield
 
-    def _may_go(self, slot: OutboundChannel, now: float) -> bool:
+    def _may_send(self, outbound: OutboundChannel, now: float) -> bool:
         """Return whether to send the newest sample now; otherwise it stays queued, or is dropped."""
-        if now < slot.due or (self._held_up and not slot.streams):
-            self._fresh.append(slot)
+        if now < outbound.due or (self._held_up and not outbound.streams):
+            self._fresh.append(outbound)
             return False
-        slot.fresh = False
-        if slot.streams and (self._held_up or self._backlog >= slot.backlog):
-            self.dropped.add(slot.rule.traffic)
+        outbound.fresh = False
+        if outbound.streams and (self._held_up or self._backlog >= outbound.backlog):
+            self.dropped.add(outbound.rule.traffic)
             return False
-        slot.goes(now)
+        outbound.mark_sent(now)
         return True
 
-    def _tell_dropped(self, now: float) -> None:
+    def _warn_of_drops(self, now: float) -> None:
         """Log events that were dropped since the last warning."""
         durable = self.dropped.durable
-        lost = durable - self._told
-        if lost and now >= self._next_tell:
-            self._told, self._next_tell = durable, now + TELL_EVERY
+        lost = durable - self._warned
+        if lost and now >= self._next_warning:
+            self._warned, self._next_warning = durable, now + WARN_EVERY
             log.warning("dropped %d events above the permitted rate to the cloud", lost)
 
     def _repeat(self, now: float) -> Iterator[None]:
         """Repeat unchanged state: otherwise a subscriber cannot tell a parked robot from a lost one."""
-        for number, slot in enumerate(self._repeated):
-            silent = now - slot.sent >= slot.silence
-            if silent and slot.sample and not slot.refused and self._alive(slot.info.robot):
-                slot.goes(now)
-                self._send(slot, slot.sample)
+        for number, outbound in enumerate(self._repeated):
+            silent = now - outbound.sent >= outbound.silence
+            if silent and outbound.sample and not outbound.refused and self._alive(outbound.info.robot):
+                outbound.mark_sent(now)
+                self._send(outbound, outbound.sample)
                 yield
-            elif not number % LOOKS:
+            elif not number % CHECKS:
                 yield
 
-    def _send(self, slot: OutboundChannel, sample: Report | bytes) -> None:
+    def _send(self, outbound: OutboundChannel, sample: Report | bytes) -> None:
         """Translate and publish one sample; an error in it affects no other sample."""
-        if slot.twin in self.held or slot.twin not in self._twins:
+        if outbound.twin in self.held or outbound.twin not in self._twins:
             return
         try:
-            messages = _translated(slot, sample, self._session)
-            slot.refused = False
+            messages = _translated(outbound, sample, self._session)
+            outbound.refused = False
             for suffix, payload in messages:
-                self._queue(slot, suffix, payload)
+                self._queue(outbound, suffix, payload)
         except WireError as error:
-            self._refuse(slot, error)
+            self._refuse(outbound, error)
         except Exception as error:  # noqa: BLE001 - exception barrier: other robots go on
-            slot.refused = True
+            outbound.refused = True
             line = "a sample on %s of %s was not forwarded: %s"
-            self.refusals.add("failed", line, slot.channel, slot.twin, repr(error))
+            self.refusals.add("failed", line, outbound.channel, outbound.twin, repr(error))
 
-    def _queue(self, slot: OutboundChannel, suffix: str, payload: bytes) -> None:
+    def _queue(self, outbound: OutboundChannel, suffix: str, payload: bytes) -> None:
         """Queue one message; the route of its topic is cached."""
-        if len(payload) > slot.size:
+        if len(payload) > outbound.size:
             line = "%s of %s: %d bytes are more than the %d of its rule"
-            self.refusals.add("too large", line, suffix, slot.twin, len(payload), slot.size)
+            self.refusals.add("too large", line, suffix, outbound.twin, len(payload), outbound.size)
             return
-        route = slot.routes.get(suffix)
+        route = outbound.routes.get(suffix)
         if route is None:
-            route = slot.routes[suffix] = self._open_route(self._topics.twin(slot.twin, suffix), slot.rule)
-        self.sent.counts[slot.traffic] += 1
+            route = outbound.routes[suffix] = self._open_route(
+                self._topics.twin(outbound.twin, suffix), outbound.rule
+            )
+        self.sent.counts[outbound.traffic] += 1
         self._client.queue(route, payload)
 
-    def _refuse(self, slot: OutboundChannel, error: WireError) -> None:
+    def _refuse(self, outbound: OutboundChannel, error: WireError) -> None:
         """Count a sample that cannot be forwarded, with the reason."""
-        slot.refused = True
+        outbound.refused = True
         line = "a sample on %s of %s was not forwarded: %s"
-        self.refusals.add("unreadable", line, slot.channel, slot.twin, error)
+        self.refusals.add("unreadable", line, outbound.channel, outbound.twin, error)
 
-    def _meet(self, key: str) -> OutboundChannel | None:
+    def _resolve(self, key: str) -> OutboundChannel | None:
         """Return the channel of a new key, None if it is not forwarded; the result is cached."""
         parsed = parse_data_key(key)
         twin = self._twins.get(parsed.twin) if parsed else None
@@ -314,30 +320,30 @@ class Uplink:
             if parsed and twin and is_left_out(parsed):
                 line = "%.120s stays on the bus: no rule forwards it (cloud.channels in fleet.yaml adds one)"
                 self.refusals.add("no rule", line, key)
-            return self._slots.setdefault(key, None) if len(self._slots) < STRANGERS else None
-        if parsed.sensor is not None and len(self._slots) >= STRANGERS:
+            return self._channels.setdefault(key, None) if len(self._channels) < MOST_KEYS else None
+        if parsed.sensor is not None and len(self._channels) >= MOST_KEYS:
             return None
-        slot = OutboundChannel(parsed, twin, rule, self._session)
+        outbound = OutboundChannel(parsed, twin, rule, self._session)
         if parsed.channel.startswith("webrtc_"):
             self.streaming.add(parsed.twin)
-        kept = self._slots.setdefault(key, slot)
-        if kept is slot and slot.repeat:
-            self._repeated.append(slot)
+        kept = self._channels.setdefault(key, outbound)
+        if kept is outbound and outbound.repeat:
+            self._repeated.append(outbound)
         return kept
 
 
-def _tell_unread(slot: OutboundChannel, sample: bytes, refusals: RateLimitedCounter) -> None:
+def _report_unread(outbound: OutboundChannel, sample: bytes, refusals: RateLimitedCounter) -> None:
     """Report the fields of a program's message that are not forwarded; for the first message of a key."""
-    unread = unread_fields(slot.channel, sample)
+    unread = unread_fields(outbound.channel, sample)
     if unread:
         line = "%s of %s: these fields are not forwarded: %s"
-        refusals.add("unknown fields", line, slot.channel, slot.twin, ", ".join(unread)[:200])
+        refusals.add("unknown fields", line, outbound.channel, outbound.twin, ", ".join(unread)[:200])
 
 
-def _translated(slot: OutboundChannel, sample: Report | bytes, session: str) -> list[tuple[str, bytes]]:
+def _translated(outbound: OutboundChannel, sample: Report | bytes, session: str) -> list[tuple[str, bytes]]:
     """Return suffix and payload of each message for a sample; raises WireError."""
-    if slot.document and isinstance(sample, bytes) and not is_of_the_fleet(sample, slot.channel):
-        suffix, source_type = slot.suffix, slot.info.source_type
+    if outbound.document and isinstance(sample, bytes) and not is_of_the_fleet(sample, outbound.channel):
+        suffix, source_type = outbound.suffix, outbound.info.source_type
         return [(suffix, document_out(suffix, sample, source_type=source_type, session=session))]
-    report = unproven(decode_report(slot.channel, sample)) if isinstance(sample, bytes) else sample
-    return to_mqtt(report, slot.by, slot.off)
+    report = unproven(decode_report(outbound.channel, sample)) if isinstance(sample, bytes) else sample
+    return to_mqtt(report, outbound.by, outbound.off)

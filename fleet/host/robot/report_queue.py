@@ -33,7 +33,7 @@ class BridgePort(Protocol):
     def open(self, key: str) -> object:
         """Return where the reports of a key cross; None where none do."""
 
-    def cross(self, batch: Sequence[tuple[Any, Report]]) -> None:
+    def forward(self, batch: Sequence[tuple[Any, Report]]) -> None:
         """Take reports, each with where it crosses."""
 
     def arrived(self, key: str, sample: bytes) -> None:
@@ -190,7 +190,7 @@ class ReportQueue:
             if self._say(channel, report) and channel.way is not None
         ]
         if crossing and self.bridge:
-            self.bridge.cross(crossing)
+            self.bridge.forward(crossing)
 
     def _say(self, channel: _Channel, report: Report) -> bool:
         """Say a report on the bus, where anybody listens; tell whether it can be said at all."""
