@@ -209,7 +209,7 @@ class Bridge:
 
     def tick(self) -> Iterator[None]:
         """Publish the due messages step by step; at the end of each tick of the scheduler."""
-        self.downlink.deny()
+        self.downlink.send_refusals()
         yield from self.uplink.tick()
         self.client.flush_queued()
 
@@ -252,7 +252,7 @@ class Bridge:
         if self.client.state is CloudState.CONNECTED:
             for gap in (
                 *self.client.spool.take_gaps(),
-                *self.uplink.events.take_cuts(self._clock.monotonic()),
+                *self.uplink.events.take_suppressed(self._clock.monotonic()),
             ):
                 self._report_gap(gap)
         self.client.flush_queued()

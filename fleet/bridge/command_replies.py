@@ -21,11 +21,11 @@ STREAMED = VELOCITY_WORDS | {"motion", "joints", JOINT_TARGETS}
 """Commands that arrive many times a second: their success is not worth a status message each."""
 SAME_REFUSAL_EVERY = 1.0  # s
 LONGEST_CORRELATION = 64  # bytes of Correlation Data that a status echoes
-TOLD_BY_STATUS: frozenset[Kind] = frozenset({"command", "motion", "joints"})
+ANSWERED_BY_STATUS: frozenset[Kind] = frozenset({"command", "motion", "joints"})
 """Requests without a reply inbox that are answered with a status on the command topic."""
 
 
-Tell = Callable[[Reply], None]
+SendReply = Callable[[Reply], None]
 
 
 class RobotPort(Protocol):
@@ -65,15 +65,15 @@ class PublishReply(Protocol):
 class MessageReplies:
     """Replies to one message: the receipt, then, for an accepted command, its end."""
 
-    def __init__(self, receipt: Tell, end: Tell) -> None:
-        self._tell, self._end = receipt, end
+    def __init__(self, receipt: SendReply, end: SendReply) -> None:
+        self._next, self._end = receipt, end
         self.answered = False
 
     def __call__(self, reply: Reply) -> None:
         """Send a reply; the first one is the receipt."""
         self.answered = True
-        tell, self._tell = self._tell, self._end
-        tell(reply)
+        send, self._next = self._next, self._end
+        send(reply)
 
 
 class CommandReplies:
@@ -86,27 +86,35 @@ class CommandReplies:
         self._send = send
         self._refusals = refusals
         self._clock = clock
-        self._told: dict[tuple[str, str, str], float] = {}
+        self._refused_at: dict[tuple[str, str, str], float] = {}
 
-    def to(self, port: RobotPort, message: CloudMessage, kind: Kind, *, once: bool = False) -> MessageReplies:
+    def replies_to(
+        self, port: RobotPort, message: CloudMessage, kind: Kind, *, once: bool = False
+    ) -> MessageReplies:
         """Return the replies to a message: a response in the sender's inbox, or else a status.
 
         The end of a command that was accepted is published as a status, for all subscribers of the twin.
         Results of ``start_video`` and ``stop_video`` are also published on topics of their own, where the
         frontend waits for them. ``once``: the message is not part of a stream, whatever its command.
         """
-        receipt, end = self._tellers(port, message, kind, once)
+        receipt, end = self._senders(port, message, kind, once)
         if kind == "command":
             return MessageReplies(
-                partial(self._tell_with_video, port, receipt), partial(self._tell_with_video, port, end)
+                partial(self._send_with_video, port, receipt), partial(self._send_with_video, port, end)
             )
         return MessageReplies(receipt, end)
 
-    def _tellers(self, port: RobotPort, message: CloudMessage, kind: Kind, once: bool) -> tuple[Tell, Tell]:  # noqa: FBT001 - by position
+    def _senders(
+        self,
+        port: RobotPort,
+        message: CloudMessage,
+        kind: Kind,
+        once: bool,  # noqa: FBT001 - by position
+    ) -> tuple[SendReply, SendReply]:
         """Return the senders of the receipt and of the end."""
         inbox, status = message.response_topic, _no_answer
-        if kind in TOLD_BY_STATUS and port.legacy_status:
-            status = partial(self._tell_status, port, _text(message.correlation), once)
+        if kind in ANSWERED_BY_STATUS and port.legacy_status:
+            status = partial(self._send_status, port, _text(message.correlation), once)
         if inbox is None:
             return status, status
         if not self._topics.is_own_inbox(inbox, port.twin):
@@ -115,14 +123,14 @@ class CommandReplies:
             return _no_answer, status
         return self._responder(port, inbox, message.correlation), status
 
-    def _tell_with_video(self, port: RobotPort, tell: Tell, reply: Reply) -> None:
+    def _send_with_video(self, port: RobotPort, send: SendReply, reply: Reply) -> None:
         """Send a reply; publish the result of a video command on the topic of that command as well."""
-        tell(reply)
+        send(reply)
         if reply.command in VIDEO_TYPES and (reply.done is not None or not reply.ok):
             payload = video_status(reply, stamp=self._clock.time(), source_type=port.source_type)
             self._send(self._topics.twin(port.twin, f"{reply.command}/status"), payload)
 
-    def _responder(self, port: RobotPort, inbox: str, correlation: bytes | None) -> Tell:
+    def _responder(self, port: RobotPort, inbox: str, correlation: bytes | None) -> SendReply:
         """Return the sender of the one ``twin.command_response.v1``."""
 
         def respond(reply: Reply) -> None:
@@ -133,15 +141,15 @@ class CommandReplies:
 
         return respond
 
-    def _tell_status(self, port: RobotPort, request: str, once: bool, reply: Reply) -> None:  # noqa: FBT001 - by position
+    def _send_status(self, port: RobotPort, request: str, once: bool, reply: Reply) -> None:  # noqa: FBT001 - by position
         """Publish a status message on the command topic."""
-        if once or self._worth_telling(port, reply):
+        if once or self._is_worth_sending(port, reply):
             payload = legacy_status(
                 reply, stamp=self._clock.time(), source_type=port.source_type, request=request
             )
             self._send(self._topics.twin(port.twin, "command"), payload)
 
-    def _worth_telling(self, port: RobotPort, reply: Reply) -> bool:
+    def _is_worth_sending(self, port: RobotPort, reply: Reply) -> bool:
         """Return False for the success of a setpoint, and for a refusal that was reported a moment ago."""
         if reply.command not in STREAMED:
             return True
@@ -149,9 +157,9 @@ class CommandReplies:
             return False
         now = self._clock.monotonic()
         refusal = (port.name, reply.command, reply.status.value)
-        if now - self._told.get(refusal, float("-inf")) < SAME_REFUSAL_EVERY:
+        if now - self._refused_at.get(refusal, float("-inf")) < SAME_REFUSAL_EVERY:
             return False
-        self._told[refusal] = now
+        self._refused_at[refusal] = now
         return True
 
 

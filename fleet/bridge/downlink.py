@@ -37,9 +37,9 @@ Handler = Callable[[Topic, CloudMessage], None]
 
 _CLOUD = Transport.CLOUD  # looked up once: attribute access of an enum is slow
 
-TURN = 0.005  # s of dispatching before the loop runs other work
-DENIED_AFTER = 1.0  # s for the edge that holds a twin to answer first: the sender takes the first reply
-MOST_DENIED = 1_000  # delayed refusals; beyond it the oldest are dropped
+TIME_SLICE = 0.005  # s of dispatching before the loop runs other work
+REFUSE_AFTER = 1.0  # s for the edge that holds a twin to answer first: the sender takes the first reply
+MOST_REFUSALS = 1_000  # delayed refusals; beyond it the oldest are dropped
 MOST_WAITING = 10_000
 """Bound of the inbox, in messages; a loop that leaves it full is stuck, and the watchdog ends the process."""
 MOST_BYTES = 32 << 20
@@ -104,10 +104,10 @@ class Downlink:
         self._inbox: deque[InboundMessage] = deque()
         self._waiting = 0  # bytes in it, approximate: two threads count
         self._stops: dict[str, dict[str, InboundMessage]] = {}  # accepted above the bound, by twin and topic
-        self._kept = RetainedStops()
-        self._known: dict[str, InboundRoute] = {}  # routes of our own twins, by topic; there are few
+        self._retained_stops = RetainedStops()
+        self._routes: dict[str, InboundRoute] = {}  # routes of our own twins, by topic; there are few
         self.held: Mapping[str, str] = {}
-        self._denied: deque[tuple[float, Callable[[Reply], None], Reply]] = deque(maxlen=MOST_DENIED)
+        self._late_refusals: deque[tuple[float, Callable[[Reply], None], Reply]] = deque(maxlen=MOST_REFUSALS)
         self.refusals = refusals
         self.received: Counter[str] = Counter()
         self.answered: Counter[str] = Counter()
@@ -117,18 +117,18 @@ class Downlink:
         """Deliver new messages of a twin to its new robot; messages received before go to the old one."""
         self.latencies[port.name] = Latencies()
         self._books[port.twin] = book
-        self._forget(port.twin)
+        self._drop_routes(port.twin)
 
     def leave(self, twin: str, name: str) -> None:
         """Stop delivering messages of a twin, and drop the figures of its robot."""
         self._books.pop(twin, None)
-        self._forget(twin)
+        self._drop_routes(twin)
         self.latencies.pop(name, None)
 
-    def _forget(self, twin: str) -> None:
+    def _drop_routes(self, twin: str) -> None:
         """Drop the cached routes of a twin."""
-        known = self._known.items()
-        self._known = {topic: route for topic, route in list(known) if route.topic.twin != twin}
+        routes = self._routes.items()
+        self._routes = {topic: route for topic, route in list(routes) if route.topic.twin != twin}
 
     def arrived(self, messages: list[CloudMessage]) -> None:
         """Decode received messages; from one thread at a time."""
@@ -141,15 +141,15 @@ class Downlink:
 
     def _arrived(self, message: CloudMessage, now: float) -> None:
         """Decode one message."""
-        route = self._known.get(message.topic)
+        route = self._routes.get(message.topic)
         if route is None or (route.port is not None and route.port is not self._ports.get(route.topic.twin)):
             route = self._find(message)  # or cached by the other thread just before the robot changed
-        if route is None or (message.retain and self._kept.counted(message.topic, message.payload)):
+        if route is None or (message.retain and self._retained_stops.counted(message.topic, message.payload)):
             return
         asked = self._read(route, route.port, message) if route.port else None
         stops = asked is not None and asked.stops
         if stops:
-            self._kept.note(message.topic, message.payload)
+            self._retained_stops.note(message.topic, message.payload)
         elif self._is_barred(message, asked):
             return
         self._put(InboundMessage(route, message, now, asked), stops=stops)
@@ -178,7 +178,7 @@ class Downlink:
         Return True when messages are left, for which the loop must call again. Another thread may go on
         reading, so without the bound a flood would keep the loop here and no robot would be served.
         """
-        end = self._clock.monotonic() + TURN
+        end = self._clock.monotonic() + TIME_SLICE
         while self._inbox:
             if self._clock.monotonic() > end:
                 return True
@@ -188,7 +188,7 @@ class Downlink:
             if waiting and waiting.get(one.message.topic) is one:
                 waiting.pop(one.message.topic, None)
             try:
-                self._hand_over(one)
+                self._dispatch(one)
             except Exception:  # the other messages must not wait for the next read: they would be late
                 log.exception("a message on %s could not be dispatched", one.message.topic)
         return False
@@ -221,7 +221,7 @@ class Downlink:
         kind = cast("Kind", rule.taker.value)
         route = InboundRoute(topic, rule, kind, self._ports[topic.twin] if rule.taker.asks else None)
         if topic.twin in self._ports:
-            self._known[message.topic] = route
+            self._routes[message.topic] = route
         return route
 
     def _find_rule(self, message: CloudMessage) -> tuple[Topic, InboundRule] | None:
@@ -264,7 +264,7 @@ class Downlink:
         except WireError:
             return False
 
-    def _hand_over(self, one: InboundMessage) -> None:
+    def _dispatch(self, one: InboundMessage) -> None:
         """Dispatch one message to its recipient."""
         route = one.route
         self.received[route.kind] += 1
@@ -273,40 +273,40 @@ class Downlink:
         elif route.rule.taker is Recipient.RELAY:
             self._relay.take(route.topic, route.rule, one.message)
         elif route.port is None:
-            self._do(route.topic, one.message, self._own[route.rule.suffix])
+            self._handle(route.topic, one.message, self._own[route.rule.suffix])
 
     def _ask(self, one: InboundMessage, port: RobotPort, asked: Request) -> None:
         """Pass a request to its robot, or answer a moment later which edge holds its twin."""
         route, message = one.route, one.message
-        tell = self._answers.to(port, message, route.kind, once=asked.once)
-        answer = partial(self._answer, port, tell, one.at)
+        replies = self._answers.replies_to(port, message, route.kind, once=asked.once)
+        answer = partial(self._answer, port, replies, one.at)
         holder = self.held.get(route.topic.twin)
         if holder is None:
             asked(answer)
             return
         self.refusals.add("held elsewhere", "%s is for another edge, which holds the twin", message.topic)
-        due = self._clock.monotonic() + DENIED_AFTER
+        due = self._clock.monotonic() + REFUSE_AFTER
         if asked.stops:
-            asked(lambda reply: self._denied.append((due, answer, reply)))
+            asked(lambda reply: self._late_refusals.append((due, answer, reply)))
             return
         why = f"edge {holder} has its twin; this edge leaves the robot to it"
-        self._denied.append((due, answer, Reply(route.kind, ReplyStatus.REJECTED, why)))
+        self._late_refusals.append((due, answer, Reply(route.kind, ReplyStatus.REJECTED, why)))
 
-    def deny(self) -> None:
+    def send_refusals(self) -> None:
         """Send the refusals for twins of another edge, once that edge has had time to answer; on the loop."""
-        while self._denied and self._denied[0][0] <= self._clock.monotonic():
-            _, answer, denial = self._denied.popleft()
-            answer(denial)
+        while self._late_refusals and self._late_refusals[0][0] <= self._clock.monotonic():
+            _, answer, refusal = self._late_refusals.popleft()
+            answer(refusal)
 
-    def _answer(self, port: RobotPort, tell: MessageReplies, arrived: float, reply: Reply) -> None:
+    def _answer(self, port: RobotPort, replies: MessageReplies, arrived: float, reply: Reply) -> None:
         """Send a reply; record the latency of the first one, the receipt."""
-        if not tell.answered:
+        if not replies.answered:
             self.answered[reply.status.value] += 1
             if latencies := self.latencies.get(port.name):  # None: the robot was removed meanwhile
                 latencies.add(self._clock.monotonic() - arrived)
-        tell(reply)
+        replies(reply)
 
-    def _do(self, topic: Topic, message: CloudMessage, handle: Handler) -> None:
+    def _handle(self, topic: Topic, message: CloudMessage, handle: Handler) -> None:
         """Handle a message for the bridge itself."""
         try:
             handle(topic, message)

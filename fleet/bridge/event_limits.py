@@ -18,16 +18,16 @@ from fleet.runtime.rate_limited_counter import RateLimit
 from fleet.spool.losses import Gap, Reason
 
 WINDOW = 60.0  # s
-OTHERWISE = 6
+DEFAULT_A_MINUTE = 6
 A_MINUTE: Mapping[EventKind, int] = MappingProxyType(
     {EventKind.EMERGENCY_STOP: 12, EventKind.AUTHORITY_LOST: 12, EventKind.FAILSAFE: 12}
 )
-"""Events of a kind that one robot may send within a minute; other kinds: ``OTHERWISE``."""
+"""Events of a kind that one robot may send within a minute; other kinds: ``DEFAULT_A_MINUTE``."""
 LOOP = 3
 """Requests from the cloud that may lead to events of one kind of one robot within a minute."""
 
 
-_Told = tuple[str, EventKind, bool]
+_EventKey = tuple[str, EventKind, bool]
 """Topic, kind, and whether the event came from the bus."""
 
 
@@ -39,9 +39,9 @@ class EventLimits:
     """
 
     def __init__(self) -> None:
-        self._told: dict[_Told, RateLimit] = {}
-        self._requests: dict[_Told, dict[str, float]] = {}
-        self._cuts: dict[tuple[str, Reason], tuple[float, Gap]] = {}  # each with its start
+        self._limits: dict[_EventKey, RateLimit] = {}
+        self._requests: dict[_EventKey, dict[str, float]] = {}
+        self._suppressed: dict[tuple[str, Reason], tuple[float, Gap]] = {}  # each with its start
 
     def admits(self, topic: str, event: EventReport, now: float, wall: float, *, heard: bool = False) -> bool:
         """Return whether to send an event; if not, count it. ``heard``: it came from the bus."""
@@ -52,16 +52,16 @@ class EventLimits:
             reason = Reason.RATE
         else:
             return True
-        _, cut = self._cuts.setdefault((topic, reason), (now, Gap(topic, reason, 0, wall, wall)))
-        cut.until, cut.lost = wall, cut.lost + 1
+        _, gap = self._suppressed.setdefault((topic, reason), (now, Gap(topic, reason, 0, wall, wall)))
+        gap.until, gap.lost = wall, gap.lost + 1
         return False
 
-    def take_cuts(self, now: float) -> list[Gap]:
+    def take_suppressed(self, now: float) -> list[Gap]:
         """Remove and return the counts of suppressed events, a minute after the first of each."""
-        due = [key for key, (since, _) in list(self._cuts.items()) if now - since >= WINDOW]
-        return [self._cuts.pop(key)[1] for key in due]
+        due = [key for key, (since, _) in list(self._suppressed.items()) if now - since >= WINDOW]
+        return [self._suppressed.pop(key)[1] for key in due]
 
-    def _loops(self, kind: _Told, event: EventReport, now: float) -> bool:
+    def _loops(self, kind: _EventKey, event: EventReport, now: float) -> bool:
         """Return whether too many requests from the cloud have led to events of this kind."""
         if event.asker is None or event.asker.way is not Transport.CLOUD:
             return False
@@ -74,10 +74,10 @@ class EventLimits:
                 del requests[each]
         return len(requests) > LOOP
 
-    def _floods(self, kind: _Told, now: float) -> bool:
+    def _floods(self, kind: _EventKey, now: float) -> bool:
         """Return whether a robot has sent too many events of this kind; if not, count this one."""
-        told = self._told.setdefault(kind, RateLimit(A_MINUTE.get(kind[1], OTHERWISE)))
-        if told.is_used(now):
+        limit = self._limits.setdefault(kind, RateLimit(A_MINUTE.get(kind[1], DEFAULT_A_MINUTE)))
+        if limit.is_used(now):
             return True
-        told.use(now)
+        limit.use(now)
         return False

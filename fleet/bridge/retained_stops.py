@@ -21,21 +21,21 @@ class RetainedStops:
 
     def note(self, topic: str, payload: bytes) -> None:
         """Remember a stop that is executed."""
-        mark = _mark(topic, payload)
-        self._counted[mark] = None
-        self._counted.move_to_end(mark)
+        key = _key(topic, payload)
+        self._counted[key] = None
+        self._counted.move_to_end(key)
         if len(self._counted) > MOST:
             self._counted.popitem(last=False)
 
     def counted(self, topic: str, payload: bytes) -> bool:
         """Return True for a stop that was executed, and keep remembering it while the broker sends it."""
-        mark = _mark(topic, payload)
-        if mark not in self._counted:
+        key = _key(topic, payload)
+        if key not in self._counted:
             return False
-        self._counted.move_to_end(mark)
+        self._counted.move_to_end(key)
         return True
 
 
-def _mark(topic: str, payload: bytes) -> str:
+def _key(topic: str, payload: bytes) -> str:
     """Return a digest that identifies a stop."""
     return digest(topic.encode(errors="replace") + b"\0" + payload)
