@@ -25,7 +25,7 @@ The default is megabytes: on a slow network, states would be seconds old when th
 and pings would wait behind them.
 """
 
-LATER = (BlockingIOError, ssl.SSLWantReadError, ssl.SSLWantWriteError)
+WOULD_BLOCK = (BlockingIOError, ssl.SSLWantReadError, ssl.SSLWantWriteError)
 """Exceptions of a socket that has no data, or no room, at the moment."""
 
 
@@ -50,7 +50,7 @@ class BrokerSocket:
         self.closed = False
         self._socket = opened
         self._writable = writable
-        self._rest = bytearray()
+        self._unsent = bytearray()
         self._loop, self._thread = asyncio.get_running_loop(), threading.get_ident()
         self._poll = select.poll()
         self._poll.register(opened, select.POLLIN)
@@ -59,7 +59,7 @@ class BrokerSocket:
     @property
     def full(self) -> bool:
         """True while buffered data waits for room in the socket."""
-        return bool(self._rest)
+        return bool(self._unsent)
 
     def waiting(self) -> bool:
         """Return whether there is data to read."""
@@ -69,7 +69,7 @@ class BrokerSocket:
         """Return the data that has arrived, empty if none; raise OSError when the peer has closed."""
         try:
             data = self._socket.recv(MOST)
-        except LATER:
+        except WOULD_BLOCK:
             return b""
         if not data:
             raise ConnectionResetError("closed by the other side")
@@ -77,8 +77,8 @@ class BrokerSocket:
 
     def write(self, data: bytes) -> None:
         """Write as much as the socket takes and buffer the rest; a lost connection shows on the next read."""
-        if self._rest:
-            self._rest += data
+        if self._unsent:
+            self._unsent += data
         else:
             self._wait_for_room(data[self._send(data) :])
 
@@ -86,8 +86,8 @@ class BrokerSocket:
         """Write as much of the buffered data as the socket takes."""
         if self.closed:
             return
-        del self._rest[: self._send(self._rest)]
-        if not self._rest:
+        del self._unsent[: self._send(self._unsent)]
+        if not self._unsent:
             self._loop.remove_writer(self._socket.fileno())
 
     def shut(self) -> None:
@@ -104,7 +104,7 @@ class BrokerSocket:
             return
         self.closed = True
         self._writable = _closed
-        self._rest.clear()
+        self._unsent.clear()
         self._loop.remove_reader(self._socket.fileno())
         self._loop.remove_writer(self._socket.fileno())
         if reset:
@@ -119,7 +119,7 @@ class BrokerSocket:
             try:
                 while sent < len(view):
                     sent += self._socket.send(view[sent:])
-            except LATER:
+            except WOULD_BLOCK:
                 pass
             except OSError:
                 sent = len(view)
@@ -129,7 +129,7 @@ class BrokerSocket:
         """Buffer unsent data until the socket has room."""
         if not rest:
             return
-        self._rest += rest
+        self._unsent += rest
         if threading.get_ident() == self._thread:
             self._watch_for_room()
         else:
@@ -138,5 +138,5 @@ class BrokerSocket:
 
     def _watch_for_room(self) -> None:
         """Register the ``writable`` callback; on the loop."""
-        if self._rest and not self.closed:
+        if self._unsent and not self.closed:
             self._loop.add_writer(self._socket.fileno(), self._writable)

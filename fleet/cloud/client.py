@@ -84,7 +84,9 @@ class CloudClient:
         self._outbox = OutboundQueue(self.spool, *most, self.stats, clock)
         self._network = Backoff(*settings.backoff)
         self._refusals = Backoff(*settings.refused_backoff)
-        self._fallback_reader = FallbackReader(lambda: bool((one := self._connection) and one.stand_in()))
+        self._fallback_reader = FallbackReader(
+            lambda: bool((one := self._connection) and one.read_for_loop())
+        )
         self._loop: asyncio.AbstractEventLoop | None = None
         self._thread = 0  # id of the loop's thread
         self._work: asyncio.Task[None] | None = None
@@ -110,7 +112,7 @@ class CloudClient:
         self._patience = timeout
         if self._work is None:
             self._outbox.close()
-        elif self._soon(self._stopping.set):
+        elif self._schedule(self._stopping.set):
             self._closed.wait(timeout + 1.0)
         self._fallback_reader.stop()
 
@@ -190,9 +192,9 @@ class CloudClient:
         """Have the loop write all queued messages; repeated calls are merged into one write."""
         if not self._flushing:
             self._flushing = True
-            self._soon(self._flush_now)
+            self._schedule(self._flush_now)
 
-    def _soon(self, call: Callable[[], object]) -> bool:
+    def _schedule(self, call: Callable[[], object]) -> bool:
         """Schedule a call on the loop; return False before the start and after the end of the loop."""
         if loop := self._loop:
             ours = threading.get_ident() == self._thread
@@ -213,7 +215,7 @@ class CloudClient:
         work = [asyncio.create_task(self._keep_connected()), asyncio.create_task(self._watch())]
         try:
             await self._stopping.wait()
-            await self._leave()
+            await self._disconnect()
         finally:
             for task in work:
                 task.cancel()
@@ -222,14 +224,14 @@ class CloudClient:
             self._set_state(CloudState.CLOSED, "closed")
             self._closed.set()
 
-    async def _leave(self) -> None:
+    async def _disconnect(self) -> None:
         """Wait a limited time for unacknowledged messages, then disconnect."""
         end = self._clock.monotonic() + self._patience * 0.75
         while (connection := self._connection) and connection.busy() and self._clock.monotonic() < end:
             connection.flush()
             await asyncio.sleep(0.01)
         if connection:
-            await connection.leave(self._patience * 0.25)
+            await connection.disconnect(self._patience * 0.25)
 
     async def _keep_connected(self) -> None:
         """Connect, serve until the connection is lost, wait, and repeat."""
@@ -297,7 +299,7 @@ class CloudClient:
     async def _watch(self) -> None:
         """Periodic work: detect dead links, drop expired messages."""
         while True:
-            await asyncio.sleep(self._connection.patience if self._connection else 1.0)
+            await asyncio.sleep(self._connection.watch_interval if self._connection else 1.0)
             if self._connection:
                 self._connection.watch()
             if self.state is CloudState.CONNECTED and self._session is not None:  # may refuse filters later

@@ -11,7 +11,7 @@ import ssl
 from collections.abc import Callable
 from typing import Any
 
-AGAIN = 1.0
+RETRY_AFTER = 1.0
 """Seconds without an answer until one more connection attempt is made, in parallel with the earlier ones.
 
 The kernel retransmits a lost SYN after 1, 3, 7 and 15 s, so it notices seconds late that a network is back.
@@ -19,7 +19,7 @@ Earlier attempts continue, so a slow network still has its full time.
 """
 
 
-async def dial(host: str, port: int, again: float = AGAIN) -> socket.socket:
+async def dial(host: str, port: int, again: float = RETRY_AFTER) -> socket.socket:
     """Return a TCP connection; raise OSError when as many attempts have failed as the host has addresses.
 
     The addresses of the host are tried in turn, over and over: the next one immediately when an attempt
@@ -63,7 +63,7 @@ async def _finish(opened: socket.socket, number: int) -> None:
     """
     if number == errno.EINPROGRESS:
         loop = asyncio.get_running_loop()
-        await _turn_of(opened, loop.add_writer, loop.remove_writer)
+        await _wait_ready(opened, loop.add_writer, loop.remove_writer)
         number = opened.getsockopt(socket.SOL_SOCKET, socket.SO_ERROR)
     if number:
         raise OSError(number, os.strerror(number))
@@ -78,9 +78,9 @@ async def secure(opened: socket.socket, tls: ssl.SSLContext, host: str) -> ssl.S
             try:
                 secured.do_handshake()
             except ssl.SSLWantReadError:
-                await _turn_of(secured, loop.add_reader, loop.remove_reader)
+                await _wait_ready(secured, loop.add_reader, loop.remove_reader)
             except ssl.SSLWantWriteError:
-                await _turn_of(secured, loop.add_writer, loop.remove_writer)
+                await _wait_ready(secured, loop.add_writer, loop.remove_writer)
             else:
                 return secured
     except BaseException:
@@ -88,7 +88,7 @@ async def secure(opened: socket.socket, tls: ssl.SSLContext, host: str) -> ssl.S
         raise
 
 
-async def _turn_of(
+async def _wait_ready(
     opened: socket.socket, add: Callable[[int, Callable[[], None]], object], remove: Callable[[int], object]
 ) -> None:
     """Wait until a socket is readable or writable; ``add`` and ``remove`` are the methods of the loop."""

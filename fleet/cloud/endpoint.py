@@ -11,9 +11,9 @@ from fleet.cloud.mqtt_session import SessionRefused
 from fleet.cloud.values import CloudSettings
 from fleet.errors import CloudError
 
-_OF_ANOTHER = frozenset({62, 63, 64})
+_NAME_MISMATCHES = frozenset({62, 63, 64})
 """OpenSSL's X509_V_ERR_*_MISMATCH: the certificate is for another host name, e-mail or address."""
-_PLAIN = "is it the port for TLS? (a plain one wants tls: false)"
+_PORT_HINT = "is it the port for TLS? (a plain one wants tls: false)"
 
 
 def tls_context(settings: CloudSettings) -> ssl.SSLContext | None:
@@ -52,15 +52,15 @@ async def _secured(opened: socket.socket, tls: ssl.SSLContext, host: str, place:
     try:
         return await secure(opened, tls, host)
     except ssl.SSLCertVerificationError as error:
-        named = error.verify_code in _OF_ANOTHER
+        named = error.verify_code in _NAME_MISMATCHES
         cure = "name it in cloud.host as the certificate does" if named else "set ca_file if it is your own"
         why = error.verify_message.rstrip(".")
         raise SessionRefused(f"the certificate of {place} is not trusted: {why}; {cure}") from None
     except ssl.SSLError as error:
-        raise CloudError(f"{place} does not speak TLS as expected: {error.reason}; {_PLAIN}") from None
+        raise CloudError(f"{place} does not speak TLS as expected: {error.reason}; {_PORT_HINT}") from None
     except OSError as error:
         why = error.strerror or str(error) or "the connection was ended"
-        raise CloudError(f"{place} does not finish the TLS handshake: {why}; {_PLAIN}") from None
+        raise CloudError(f"{place} does not finish the TLS handshake: {why}; {_PORT_HINT}") from None
 
 
 def _is_local(host: str) -> bool:

@@ -35,7 +35,7 @@ def reader(protocol: Protocol) -> Callable[[bytes, int, int], mqtt5.Packet]:
         try:
             return decode(data, start, end, protocol)
         except WireError as error:
-            message = _salvaged(data[start:end], protocol, str(error))
+            message = _lenient_publish(data[start:end], protocol, str(error))
             if message is None:
                 raise
             raise MalformedPublish(error, message) from None
@@ -56,7 +56,7 @@ def recover_publish(error: WireError) -> CloudMessage | None:
     return CloudMessage(topic, b"", flaw=str(error)) if topic else None
 
 
-def _salvaged(packet: bytes, protocol: Protocol, why: str) -> CloudMessage | None:
+def _lenient_publish(packet: bytes, protocol: Protocol, why: str) -> CloudMessage | None:
     """Decode a PUBLISH leniently; None for any other packet, and for one without a topic."""
     topic, at = _topic(packet)
     if not topic:

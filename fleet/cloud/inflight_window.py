@@ -16,7 +16,7 @@ logger = logging.getLogger(__name__)
 
 WINDOW = 400
 """Bound of our unacknowledged QoS 1 messages; a lower Receive Maximum of the broker takes precedence."""
-UNTOLD_WINDOW = 100
+V311_WINDOW = 100
 """The same for MQTT 3.1.1, where a broker has no Receive Maximum and drops messages above its limit."""
 _RESERVE = 8
 """Divisor: this part of the window is reserved for urgent messages."""
@@ -48,20 +48,20 @@ class InflightWindow:
         self._most_qos = 2
         self._last_id = 0
         self._inflight: dict[int, Outgoing] = {}
-        self._answers: list[tuple[Outgoing, Outcome]] = []
+        self._outcomes: list[tuple[Outgoing, Outcome]] = []
         self._timed: tuple[int, float] | None = None  # packet id and send time, for the round trip
-        self._told: set[str] = set()
+        self._warned: set[str] = set()
 
-    def agree(self, packet: mqtt5.ConnAckPacket) -> None:
+    def apply_limits(self, packet: mqtt5.ConnAckPacket) -> None:
         """Apply the limits in the broker's CONNACK."""
         self._most_qos = int(packet.max_qos)
         self._packet_limit = min(packet.max_packet_size or PAYLOAD_LIMIT, PAYLOAD_LIMIT)
-        self._window = min(packet.receive_max, WINDOW if self._protocol == 5 else UNTOLD_WINDOW)
+        self._window = min(packet.receive_max, WINDOW if self._protocol == 5 else V311_WINDOW)
 
     @property
     def answered(self) -> bool:
         """True when acknowledgements arrived, so that more may be sent."""
-        return bool(self._answers)
+        return bool(self._outcomes)
 
     def busy(self) -> bool:
         """Return whether messages wait to be sent or are not acknowledged yet."""
@@ -109,7 +109,7 @@ class InflightWindow:
         if outcome is None:
             self._refused(message, packet.reason_code.name)
         else:
-            self._done(message, outcome)
+            self._record(message, outcome)
 
     def received(self, packet: mqtt5.PubRecPacket) -> mqtt5.PubRelPacket | None:
         """Handle PUBREC: return the PUBREL for a QoS 2 message, None if the broker refuses it.
@@ -129,13 +129,13 @@ class InflightWindow:
         """Handle PUBCOMP: the broker has a QoS 2 message, exactly once."""
         message = self._inflight.pop(packet.packet_id, None)
         if message is not None:
-            self._done(message, Outcome.ACKED)
+            self._record(message, Outcome.ACKED)
 
     def _settle(self) -> None:
         """Pass the outcomes to the spool, many at once: each call takes its lock."""
-        if self._answers:
-            answers, self._answers = self._answers, []
-            self._outbox.spool.settle(answers)
+        if self._outcomes:
+            outcomes, self._outcomes = self._outcomes, []
+            self._outbox.spool.settle(outcomes)
 
     def _next_batch(self, now: float) -> list[Outgoing]:
         """Take from the spool as many messages as fit in the broker's window."""
@@ -152,8 +152,8 @@ class InflightWindow:
             if len(data) > self._packet_limit:
                 raise self._too_large(data)
         except (ValueError, TypeError) as error:
-            self._cannot(message.topic, error)
-            self._done(message, Outcome.REFUSED)
+            self._unsendable(message.topic, error)
+            self._record(message, Outcome.REFUSED)
             return b""
         self._stats.sent += 1
         self._inflight[identifier] = message
@@ -168,7 +168,7 @@ class InflightWindow:
             if len(data) > self._packet_limit:
                 raise self._too_large(data)
         except (ValueError, TypeError) as error:
-            self._cannot(message.route.topic, error)
+            self._unsendable(message.route.topic, error)
             self._stats.outcomes[Outcome.REFUSED] += 1
             return b""
         self._stats.sent += 1
@@ -178,22 +178,22 @@ class InflightWindow:
         """Return the error for a packet above the broker's limit."""
         return ValueError(f"{len(packet)} bytes; the broker takes {self._packet_limit}")
 
-    def _cannot(self, topic: str, why: Exception) -> None:
+    def _unsendable(self, topic: str, why: Exception) -> None:
         """Warn that a message cannot be sent."""
-        self._tell(str(why), "a message to %s cannot be sent: %s", topic, why)
+        self._warn(str(why), "a message to %s cannot be sent: %s", topic, why)
 
     def _refused(self, message: Outgoing, why: str) -> None:
         """Handle a message that the broker refuses."""
-        self._tell(why, "the broker refuses a message to %s: %s", message.topic, why)
-        self._done(message, Outcome.REFUSED)
+        self._warn(why, "the broker refuses a message to %s: %s", message.topic, why)
+        self._record(message, Outcome.REFUSED)
 
-    def _tell(self, reason: str, text: str, *values: object) -> None:
+    def _warn(self, reason: str, text: str, *values: object) -> None:
         """Warn of the first refusal with a reason in this session; later ones are logged at debug level."""
-        level = logging.DEBUG if reason in self._told else logging.WARNING
-        self._told.add(reason)
+        level = logging.DEBUG if reason in self._warned else logging.WARNING
+        self._warned.add(reason)
         logger.log(level, text, *values)
 
-    def _done(self, message: Outgoing, outcome: Outcome) -> None:
+    def _record(self, message: Outgoing, outcome: Outcome) -> None:
         """Record the outcome of a message; a held message will be sent again."""
         self._stats.outcomes[outcome] += 1
-        self._answers.append((message, outcome))
+        self._outcomes.append((message, outcome))

@@ -27,13 +27,13 @@ TLS_ALERT = b"\x15\x03"  # a TLS server's answer to plain MQTT: an alert record 
 TRY_TLS = "try tls: true"
 MOST_READS = 64
 """Reads of the fallback reader in one go: the loop may want the connection back."""
-LONGEST_LOOK = 0.01
+LONGEST_READ = 0.01
 """Seconds after which the fallback reader stops reading: so many small messages would take longer."""
 
 Deliver = Callable[[list[CloudMessage]], None]
 
 
-class _NextTurnCall:
+class _NextIterationCall:
     """Schedules a call for the next iteration of the loop; repeated requests are merged.
 
     It refers to the callee only until the call. A permanent reference would form a cycle with the connection,
@@ -57,9 +57,9 @@ class _NextTurnCall:
 class MqttConnection:
     """Passes received bytes to the session and writes its answers; on the loop.
 
-    Only ``stand_in`` is called on another thread, when the loop does not read. The messages of one read go to
-    ``deliver`` immediately, in order. Afterwards the loop calls ``take``, again and again while that returns
-    True.
+    Only ``read_for_loop`` is called on another thread, when the loop does not read. The messages of one read
+    go to ``deliver`` immediately, in order. Afterwards the loop calls ``take``, again and again while that
+    returns True.
 
     ``ready`` is done when the broker has answered CONNECT and all subscriptions. ``ended`` holds the reason
     (SessionRefused, SessionEnded or CloudError) once the connection is unusable.
@@ -85,9 +85,9 @@ class MqttConnection:
         self._silent = not settings.tls  # plain connection that has received nothing yet
         self._deliver = deliver
         self._take = take
-        self._take_on = _NextTurnCall(self._loop)  # the rest of the messages, after other work of the loop
-        self._go_on = _NextTurnCall(self._loop)
-        self._arrivals = PacketFramer(reader(settings.protocol), PAYLOAD_LIMIT, head=HEAD)
+        self._dispatch_again = _NextIterationCall(self._loop)  # the rest, after other work of the loop
+        self._flush_again = _NextIterationCall(self._loop)
+        self._framer = PacketFramer(reader(settings.protocol), PAYLOAD_LIMIT, head=HEAD)
         self._keepalive = Keepalive(settings.keepalive, clock.monotonic())
         self._lock = threading.Lock()  # guards all state shared by reading and writing
         self._failure: CloudError | None = None
@@ -102,11 +102,11 @@ class MqttConnection:
         return self._stream.full
 
     @property
-    def patience(self) -> float:
+    def watch_interval(self) -> float:
         """The interval, in seconds, at which ``watch`` must be called."""
         return min(1.0, self._keepalive.interval / 20 or 1.0)
 
-    def stand_in(self) -> bool:
+    def read_for_loop(self) -> bool:
         """Read and acknowledge data that the loop has left since the last call, and ping; on another thread.
 
         Unacknowledged messages block those behind them, because the broker's window is limited. So messages
@@ -143,7 +143,7 @@ class MqttConnection:
         except Exception:
             logger.exception("dispatching received messages failed")
         if more:
-            self._take_on(self._follow_up)
+            self._dispatch_again(self._follow_up)
         self._loop.call_soon(self._conclude)
 
     def _writable(self) -> None:
@@ -158,7 +158,7 @@ class MqttConnection:
 
     def _receive_all(self) -> None:
         """Read and acknowledge all data that has arrived, within the bounds."""
-        end = self._clock.monotonic() + LONGEST_LOOK
+        end = self._clock.monotonic() + LONGEST_READ
         for _ in range(MOST_READS):
             self._receive()
             if self._failure is not None:
@@ -179,7 +179,7 @@ class MqttConnection:
                 return  # after our DISCONNECT only the end counts
             self._silent = _still_silent(data) if self._silent else False
             self._keepalive.received(now)
-            for packet in self._arrivals.feed(data):
+            for packet in self._framer.feed(data):
                 self._session.receive(packet, now)
         except OSError as error:
             hint = f" before it said anything; if it wants TLS, {TRY_TLS}" * self._silent
@@ -232,7 +232,7 @@ class MqttConnection:
             data = self._session.send(self._clock.monotonic())
             self._write(data)
         if data:
-            self._go_on(self.flush)
+            self._flush_again(self.flush)
 
     async def answered(self) -> None:
         """Wait until the connection is ready, or ends before."""
@@ -261,7 +261,7 @@ class MqttConnection:
             # new ones after it.
             self._stream.close(reset=code is None)
 
-    async def leave(self, patience: float) -> None:
+    async def disconnect(self, patience: float) -> None:
         """Disconnect so that the broker discards the will, and close within ``patience`` seconds."""
         with self._lock:
             self._write(encode(mqtt5.DisconnectPacket(), self._protocol))

@@ -52,22 +52,22 @@ class MqttSession:
         self.problems: list[str] = []
         self._settings = settings
         self._stats = stats
-        self._ours = InflightWindow(outbox, stats, settings.protocol)
-        self._subscriptions = Subscriptions(subscriptions, self._ours.next_id)
+        self._window = InflightWindow(outbox, stats, settings.protocol)
+        self._subscriptions = Subscriptions(subscriptions, self._window.next_id)
         self._half_received: set[int] = set()
         self._replies: list[mqtt5.Packet] = []
         self._messages: list[CloudMessage] = []
         self._handlers: dict[type, Callable[[Any, float], None]] = {
             mqtt5.ConnAckPacket: self._on_connack,
             mqtt5.SubAckPacket: self._on_suback,
-            mqtt5.UnsubAckPacket: _alive,
+            mqtt5.UnsubAckPacket: _ignore,
             mqtt5.PublishPacket: self._on_publish,
             mqtt5.PubRelPacket: self._on_pubrel,
-            mqtt5.PubAckPacket: self._ours.acknowledged,
+            mqtt5.PubAckPacket: self._window.acknowledged,
             mqtt5.PubRecPacket: self._on_pubrec,
-            mqtt5.PubCompPacket: self._ours.completed,
+            mqtt5.PubCompPacket: self._window.completed,
             mqtt5.DisconnectPacket: self._on_disconnect,
-            mqtt5.PingRespPacket: _alive,
+            mqtt5.PingRespPacket: _ignore,
         }
 
     def connect(self) -> bytes:
@@ -105,7 +105,7 @@ class MqttSession:
     @property
     def answers(self) -> bool:
         """True when the broker is owed an answer, or has acknowledged messages, so that more may be sent."""
-        return self.owes or self._ours.answered
+        return self.owes or self._window.answered
 
     @property
     def owes(self) -> bool:
@@ -119,16 +119,16 @@ class MqttSession:
 
     def send(self, now: float) -> bytes:
         """Return the packets of the next messages of the outbox, joined; empty if nothing may be sent now."""
-        return self._ours.send(now) if self.ready else b""
+        return self._window.send(now) if self.ready else b""
 
     def busy(self) -> bool:
         """Return whether messages wait to be sent or are not acknowledged yet."""
-        return self._ours.busy()
+        return self._window.busy()
 
     def end(self) -> None:
         """Return unacknowledged messages to the outbox, which goes offline."""
         self.ready = False
-        self._ours.end()
+        self._window.end()
         self._handlers.clear()  # break the reference cycle: frees the session without the garbage collector
 
     def _on_connack(self, packet: mqtt5.ConnAckPacket, _now: float) -> None:
@@ -139,7 +139,7 @@ class MqttSession:
             raise SessionRefused("the broker takes only QoS 0; replies and status need QoS 1")
         self.connected = True
         self.keepalive = packet.server_keep_alive or self._settings.keepalive
-        self._ours.agree(packet)
+        self._window.apply_limits(packet)
         self._replies += self._subscriptions.begin()
         self.ready = not self._subscriptions.open
 
@@ -199,7 +199,7 @@ class MqttSession:
 
     def _on_pubrec(self, packet: mqtt5.PubRecPacket, _now: float) -> None:
         """Answer PUBREC of one of our QoS 2 messages with PUBREL."""
-        release = self._ours.received(packet)
+        release = self._window.received(packet)
         if release is not None:
             self._replies.append(release)
 
@@ -210,7 +210,7 @@ class MqttSession:
         raise SessionEnded(reasons.of(packet))
 
 
-def _alive(_packet: mqtt5.Packet, _now: float) -> None:
+def _ignore(_packet: mqtt5.Packet, _now: float) -> None:
     """Ignore a packet that only shows that the link is alive; the keepalive has recorded that."""
 
 

@@ -21,7 +21,7 @@ ReadT = TypeVar("ReadT")
 _CONNECT = 1
 _CONNACK = 0x20
 MORE = 0x80  # continuation bit of a length byte
-_ONLY_OLDER = b"\x20\x02\x00\x01"
+_V311_REFUSAL = b"\x20\x02\x00\x01"
 """Answer of a broker without MQTT 5 to an MQTT 5 CONNECT; the MQTT 5 codec cannot decode it."""
 
 
@@ -113,19 +113,19 @@ class PacketDecoder(PacketFramer[mqtt5.Packet]):
     def _decode(self, data: bytes, start: int, end: int) -> mqtt5.Packet:
         """Decode one complete frame."""
         if self.protocol is None:
-            self.protocol = _spoken(memoryview(data)[start:end])
+            self.protocol = _version_of(memoryview(data)[start:end])
         return decode(data, start, end, self.protocol)
 
 
 def decode(data: bytes, start: int, end: int, protocol: Protocol) -> mqtt5.Packet:
     """Decode one complete frame; raise WireError if it is invalid."""
     frame = memoryview(data)[start:end]
-    if protocol == 5 and data[start] == _CONNACK and frame == _ONLY_OLDER:
+    if protocol == 5 and data[start] == _CONNACK and frame == _V311_REFUSAL:
         return mqtt5.ConnAckPacket(reason_code=mqtt5.ConnAckReasonCode.UNSUPPORTED_PROTOCOL_VERSION)
     return _packet(frame, protocol)
 
 
-def _spoken(frame: memoryview) -> Protocol:
+def _version_of(frame: memoryview) -> Protocol:
     """Return the protocol version in a CONNECT: the byte behind the protocol name."""
     head = bytes(frame[:12])
     if head[0] >> 4 != _CONNECT:

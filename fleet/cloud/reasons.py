@@ -26,7 +26,7 @@ _SENTENCES = {
     0x9F: "the broker reports that we connect too often",
 }
 
-_PERSONAL = frozenset({0x84, 0x85, 0x86, 0x87, 0x8A, 0x8C, 0x8E, 0x97, 0x98, 0x9C, 0x9D, 0x9F})
+_PERMANENT = frozenset({0x84, 0x85, 0x86, 0x87, 0x8A, 0x8C, 0x8E, 0x97, 0x98, 0x9C, 0x9D, 0x9F})
 """Reasons of a DISCONNECT for which an immediate reconnect is no cure."""
 
 
@@ -44,4 +44,4 @@ def of(packet: mqtt5.ConnAckPacket | mqtt5.DisconnectPacket) -> str:
 
 def is_permanent(code: int) -> bool:
     """Return whether the reason of a DISCONNECT will still hold in a second, so that haste only harms."""
-    return code in _PERSONAL
+    return code in _PERMANENT

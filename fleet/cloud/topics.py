@@ -52,7 +52,7 @@ def check_apart(patterns: Iterable[str]) -> None:
         levels = check_filter(pattern).split("/")
         if levels[0] == "$share":
             raise ValueError(f"the filter {pattern!r} is a shared subscription; an edge needs every message")
-        if other := _meets(tree, levels):
+        if other := _overlapping(tree, levels):
             raise ValueError(f"the filters {other!r} and {pattern!r} overlap: one message would arrive twice")
         node = tree
         for level in levels:
@@ -60,7 +60,7 @@ def check_apart(patterns: Iterable[str]) -> None:
         node[None] = pattern
 
 
-def _meets(node: _Tree, levels: list[str]) -> str | None:
+def _overlapping(node: _Tree, levels: list[str]) -> str | None:
     """Return a filter of the tree that overlaps with these levels."""
     if "#" in node:
         return str(node["#"][None])
@@ -70,7 +70,7 @@ def _meets(node: _Tree, levels: list[str]) -> str | None:
     if head == "#":
         return _any_of(node)
     wanted = [level for level in node if level is not None] if head == "+" else [head, "+"]
-    found = (_meets(node[level], rest) for level in wanted if level in node)
+    found = (_overlapping(node[level], rest) for level in wanted if level in node)
     return next(filter(None, found), None)
 
 

@@ -47,8 +47,8 @@ class _NotUtf8(Exception):
     """A string of the packet is not UTF-8."""
 
 
-class _Walk:
-    """Walks through one packet; raises _NotUtf8, and IndexError for a malformed packet."""
+class _Scanner:
+    """Scans one packet; raises _NotUtf8, and IndexError for a malformed packet."""
 
     def __init__(self, packet: memoryview) -> None:
         self._packet = packet
@@ -56,7 +56,7 @@ class _Walk:
         self.number()  # skip the remaining length: the packet is complete
 
     def packet(self) -> None:
-        """Walk through the whole packet."""
+        """Scan the whole packet."""
         kind, flags = self._packet[0] >> 4, self._packet[0]
         for part in _LAYOUTS.get(kind, ""):
             match part:
@@ -152,7 +152,7 @@ class _Walk:
 def has_broken_text(packet: memoryview) -> bool:
     """Return whether a string in a complete MQTT 5 packet is not UTF-8; False if it is malformed before."""
     try:
-        _Walk(packet).packet()
+        _Scanner(packet).packet()
     except _NotUtf8:
         return True
     except IndexError:
