@@ -32,7 +32,7 @@ from fleet.errors import StateError, StateTaken
 from fleet.history.record import COLUMNS, Record, Row, record_of, row_of
 from fleet.model.event import EventKind, EventReport, Severity
 from fleet.spool.database import PAGE, is_corrupt, open_checked
-from fleet.spool.state_folder import locked, made
+from fleet.spool.state_folder import create_folder, locked
 
 log = logging.getLogger(__name__)
 
@@ -135,7 +135,7 @@ class History:
         if not path.exists():  # not yet created, or deleted while open: writes to it would be lost
             self._shut()
         if self._database is None:
-            made(self.folder)
+            create_folder(self.folder)
             try:
                 with locked(path, within=self._patience):
                     self._database, _ = open_checked(path, FORMATS, "NORMAL", busy=self._patience)

@@ -16,7 +16,7 @@ from fleet.spool.database import is_corrupt, set_aside
 from fleet.spool.disk_work import DiskWork
 from fleet.spool.losses import Gap, Reason
 from fleet.spool.queue import SpoolQueue
-from fleet.spool.state_folder import SPOOL, FileLock, made
+from fleet.spool.state_folder import SPOOL, FileLock, create_folder
 from fleet.spool.store import SpoolFile
 from fleet.wire.rules import TrafficClass
 
@@ -26,7 +26,7 @@ TICK = 0.05
 """Seconds between two writes while connected."""
 SYNC = 5.0
 """Seconds between two checkpoints to the medium."""
-LATE_LOOK = 30.0
+EXPIRE_EVERY = 30.0
 """Seconds between two searches for expired messages on disk."""
 STEPPED = 1.0
 """Smallest step of the wall clock, in seconds, by which the expiry of stored messages is adjusted."""
@@ -35,7 +35,7 @@ RETRY = 1.0
 
 
 class SpoolDisk:
-    """The file of a spool and its thread; ``using`` is the lock of the queue.
+    """The file of a spool and its thread; ``queue_lock`` is the lock of the queue.
 
     ``size`` bounds the file, bytes; ``ages`` are the lifetimes of messages, seconds. ``more`` is called on
     the thread when messages were fetched. Raises StateTaken when another edge uses the folder. Any other disk
@@ -49,7 +49,7 @@ class SpoolDisk:
         ages: Mapping[TrafficClass, float],
         *,
         queue: SpoolQueue,
-        using: threading.Lock,
+        queue_lock: threading.Lock,
         more: Callable[[], None],
         clock: Clock,
     ) -> None:
@@ -58,7 +58,7 @@ class SpoolDisk:
         self._size = size
         self._ages = ages
         self._queue = queue
-        self._using = using
+        self._queue_lock = queue_lock
         self._more = more
         self._clock = clock
         self._offset = clock.time() - clock.monotonic()
@@ -68,9 +68,9 @@ class SpoolDisk:
         self._lock: FileLock | None = None
         self._dirty = False
         self._damaged = False  # set the file aside before the next opening
-        self._next_sync = self._next_look = clock.monotonic()
+        self._next_sync = self._next_expiry = clock.monotonic()
         try:
-            self._have()
+            self._lock_folder()
         except StateTaken:
             raise
         except StateError as error:
@@ -86,7 +86,7 @@ class SpoolDisk:
 
     def wake_if_needed(self) -> None:
         """Wake the thread if there is work."""
-        if not self._wake.is_set() and self._wanted():
+        if not self._wake.is_set() and self._has_work():
             self._wake.set()
 
     def close(self) -> None:
@@ -94,32 +94,32 @@ class SpoolDisk:
         self._closing.set()
         self._wake.set()
         self._thread.join()
-        with self._using:
+        with self._queue_lock:
             self._queue.close()
         if self._lock is not None:
-            self._lock.let_go()
+            self._lock.release()
 
-    def _have(self) -> None:
+    def _lock_folder(self) -> None:
         """Create the folder and lock it, unless done; raises StateError, StateTaken."""
         if self._lock is None:
-            lock = FileLock(made(self._path.parent) / SPOOL)
+            lock = FileLock(create_folder(self._path.parent) / SPOOL)
             lock.take()
             self._lock = lock
 
     def _open_store(self) -> bool:
         """Open or create the file; on failure return False, and the spool works in memory only."""
         try:
-            self._have()
+            self._lock_folder()
             if self._damaged:
                 with contextlib.suppress(FileNotFoundError):
                     set_aside(self._path)
                 self._damaged = False
             self._store = store = SpoolFile(self._path, self._size)
-            self._take_over(store)
+            self._load(store)
         except (StateError, sqlite3.Error, OSError) as error:
             self._close_store()
-            self._fail(error)
-            with self._using:
+            self._report_failure(error)
+            with self._queue_lock:
                 self._queue.no_disk()
             self._more()
             return False
@@ -127,10 +127,10 @@ class SpoolDisk:
             self.problem = f"{self._path.name} could not be read and was set aside as {store.aside.name}"
         return True
 
-    def _take_over(self, store: SpoolFile) -> None:
+    def _load(self, store: SpoolFile) -> None:
         """Load the messages and losses of an earlier process."""
         left, losses = store.left(), store.losses()
-        with self._using:
+        with self._queue_lock:
             self._queue.failing = False
             self._queue.losses.add(losses)
             for each in left:
@@ -144,22 +144,22 @@ class SpoolDisk:
             self._store.close()
             self._store = None
 
-    def _wanted(self) -> bool:
+    def _has_work(self) -> bool:
         """Return whether there is work."""
         return self._queue.unwritten or self._queue.needs_fetch
 
     def _run(self) -> None:
         """Run the thread."""
         while not self._closing.is_set():
-            self._wake.wait(LATE_LOOK)
+            self._wake.wait(EXPIRE_EVERY)
             self._wake.clear()
             if self._queue.online and not self._queue.needs_fetch:
                 self._closing.wait(TICK)
             if not self._step():
                 self._closing.wait(RETRY)
-            if self._wanted():
+            if self._has_work():
                 self._wake.set()
-        while self._wanted() and self._step():
+        while self._has_work() and self._step():
             pass
         self._close_store()
 
@@ -167,17 +167,17 @@ class SpoolDisk:
         """Do all due work on the disk; return False if it failed."""
         if self._store is None:
             return self._open_store()
-        fine = True
+        succeeded = True
         for work in (self._follow_clock, self._expire, self._write, self._fetch, self._sync):
             try:
                 work(self._store)
             except sqlite3.Error as error:  # go on: a full disk can still be read
-                fine = False
-                self._fail(error)
+                succeeded = False
+                self._report_failure(error)
                 if is_corrupt(error):
                     self._abandon()
                     break
-        return fine
+        return succeeded
 
     def _follow_clock(self, store: SpoolFile) -> None:
         """Adjust expiries to a step of the wall clock, as after a start without network time."""
@@ -189,7 +189,7 @@ class SpoolDisk:
 
     def _write(self, store: SpoolFile) -> None:
         """Write and delete the due messages, after making room."""
-        with self._using:
+        with self._queue_lock:
             work = self._queue.work(self._clock.monotonic())
             losses = self._queue.losses.known() if self._queue.losses.changed else None
             self._queue.losses.changed = False
@@ -201,11 +201,11 @@ class SpoolDisk:
         try:
             self._change(store, work, losses)
         except sqlite3.Error:
-            with self._using:
+            with self._queue_lock:
                 self._queue.not_written(work)
                 self._queue.losses.changed = True
             raise
-        with self._using:
+        with self._queue_lock:
             self._queue.wrote(work)
         self._dirty = True
         if self.problem:
@@ -217,12 +217,12 @@ class SpoolDisk:
         size = sum(len(message.payload) + 100 for message in work.rows)
         if work.rows and not store.room(size):
             for removed in store.evict(size):
-                self._tell_removed(removed, Reason.ROOM)
+                self._report_removed(removed, Reason.ROOM)
         store.change(work.rows, work.done, losses)
 
     def _fetch(self, store: SpoolFile) -> None:
         """Fetch messages that will be sent soon."""
-        with self._using:
+        with self._queue_lock:
             fetches = self._queue.fetches()
         for fetch in fetches:
             messages = store.fetch(fetch.topic, fetch.after, fetch.limit, fetch.traffic)
@@ -231,7 +231,7 @@ class SpoolDisk:
             for message in messages:
                 left = min(message.expires - wall, longest[message.traffic])
                 message.since, message.deadline = now, now + left
-            with self._using:
+            with self._queue_lock:
                 self._queue.fetched(fetch.topic, messages, more=len(messages) == fetch.limit)
         if fetches:
             self._more()
@@ -239,9 +239,9 @@ class SpoolDisk:
     def _expire(self, store: SpoolFile) -> None:
         """Periodically delete expired messages."""
         now = self._clock.monotonic()
-        if now >= self._next_look:
-            self._next_look = now + LATE_LOOK
-            self._tell_removed(store.expire(self._clock.time()), Reason.AGE)
+        if now >= self._next_expiry:
+            self._next_expiry = now + EXPIRE_EVERY
+            self._report_removed(store.expire(self._clock.time()), Reason.AGE)
 
     def _sync(self, store: SpoolFile) -> None:
         """Periodically write the WAL to the medium."""
@@ -250,12 +250,12 @@ class SpoolDisk:
             self._next_sync, self._dirty = now + SYNC, False
             store.checkpoint()
 
-    def _tell_removed(self, removed: Iterable[tuple[str, int]], reason: Reason) -> None:
+    def _report_removed(self, removed: Iterable[tuple[str, int]], reason: Reason) -> None:
         """Report messages removed from disk to the queue."""
         by_topic: dict[str, list[int]] = defaultdict(list)
         for topic, seq in removed:
             by_topic[topic].append(seq)
-        with self._using:
+        with self._queue_lock:
             for topic, seqs in by_topic.items():
                 self._queue.removed(topic, seqs, reason, self._clock.time())
 
@@ -263,10 +263,10 @@ class SpoolDisk:
         """Give up a damaged file, to be set aside; messages in memory will go to a new one."""
         self._close_store()
         self._damaged = True
-        with self._using:
+        with self._queue_lock:
             self._queue.lost_disk(self._clock.time())
 
-    def _fail(self, error: Exception) -> None:
+    def _report_failure(self, error: Exception) -> None:
         """Log and record that messages are kept in memory only."""
         problem = f"the spool cannot be written: {error}"
         if problem != self.problem:

@@ -13,45 +13,45 @@ class HeldTopics:
     """Topic queues in the state HELD; times are monotonic seconds."""
 
     def __init__(self) -> None:
-        self._lines: dict[str, TopicQueue] = {}
+        self._queues: dict[str, TopicQueue] = {}
 
     def __len__(self) -> int:
-        return len(self._lines)
+        return len(self._queues)
 
     @property
     def messages(self) -> int:
         """The number of waiting messages in all of them."""
-        return sum(line.waiting for line in self._lines.values())
+        return sum(queue.waiting for queue in self._queues.values())
 
-    def unheard(self, line: TopicQueue, now: float) -> None:
+    def unheard(self, queue: TopicQueue, now: float) -> None:
         """Hold a topic queue; the delay grows with each attempt, not with each message in flight."""
-        if line.see(TopicEvent.UNHEARD):
-            line.retry = now + min(LONGEST_WAIT, FIRST_WAIT * 2**line.unheard)
-            line.unheard = min(line.unheard + 1, 8)
-            self._lines[line.topic] = line
+        if queue.see(TopicEvent.UNHEARD):
+            queue.retry = now + min(LONGEST_WAIT, FIRST_WAIT * 2**queue.unheard)
+            queue.unheard = min(queue.unheard + 1, 8)
+            self._queues[queue.topic] = queue
 
-    def heard(self, line: TopicQueue, now: float) -> None:
+    def heard(self, queue: TopicQueue, now: float) -> None:
         """Record that a topic has a subscriber; if it had none before, retry all held topics immediately."""
-        if line.state is OPEN:  # the common case
+        if queue.state is OPEN:  # the common case
             return
-        line.see(TopicEvent.HEARD)
-        if line.unheard:
-            line.unheard = 0
-            for other in self._lines.values():
+        queue.see(TopicEvent.HEARD)
+        if queue.unheard:
+            queue.unheard = 0
+            for other in self._queues.values():
                 other.retry = now
 
     def due(self, now: float) -> list[TopicQueue]:
         """Remove and return the topic queues to retry."""
-        due = [line for line in self._lines.values() if line.retry <= now]
-        for line in due:
-            del self._lines[line.topic]
-            line.see(TopicEvent.WAITED)
+        due = [queue for queue in self._queues.values() if queue.retry <= now]
+        for queue in due:
+            del self._queues[queue.topic]
+            queue.see(TopicEvent.WAITED)
         return due
 
-    def forget(self, line: TopicQueue) -> None:
+    def forget(self, queue: TopicQueue) -> None:
         """Remove an empty topic queue."""
-        self._lines.pop(line.topic, None)
+        self._queues.pop(queue.topic, None)
 
     def clear(self) -> None:
         """Forget all: after a reconnect each topic is probed again."""
-        self._lines.clear()
+        self._queues.clear()

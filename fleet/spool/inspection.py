@@ -78,7 +78,7 @@ def in_use(folder: Path) -> bool:
         return True
     except StateError:  # the lock's file does not exist and does not fit on a full disk: unused
         return False
-    lock.let_go()
+    lock.release()
     return False
 
 
@@ -97,7 +97,7 @@ def purge(folder: Path) -> int:
             database.execute("DELETE FROM loss")
             database.execute("VACUUM")
     finally:
-        lock.let_go()
+        lock.release()
     return deleted
 
 

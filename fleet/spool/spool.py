@@ -60,7 +60,7 @@ class Spool:
             first=int(clock.time() * 1e6),  # above all numbers of earlier processes
         )
         self.more: Callable[[], None] = lambda: None
-        self._using = threading.Lock()
+        self._queue_lock = threading.Lock()
         self._closed = False
         self._disk: SpoolDisk | None = None
         if settings.folder is not None:
@@ -69,21 +69,21 @@ class Spool:
                 settings.size,
                 settings.ages,
                 queue=self._queue,
-                using=self._using,
-                more=self._tell_more,
+                queue_lock=self._queue_lock,
+                more=self._call_more,
                 clock=clock,
             )
 
     def put(self, message: Outgoing) -> bool:
         """Queue a message of QoS 1 or 2; return False if it cannot be kept at all."""
-        with self._using:
+        with self._queue_lock:
             taken = not self._closed and self._queue.put(message, self._clock.monotonic(), self._clock.time())
         self._wake_disk()
         return taken
 
     def take(self, now: float, *, window: int, reserve: int, size: int) -> list[Outgoing]:
         """Remove and return the next messages to send."""
-        with self._using:
+        with self._queue_lock:
             batch = self._queue.take(now, window=window, reserve=reserve, size=size)
         if self._queue.needs_fetch:
             self._wake_disk()
@@ -92,37 +92,37 @@ class Spool:
     def settle(self, answers: Iterable[tuple[Outgoing, Outcome]]) -> None:
         """Apply the broker's acknowledgements of in-flight messages."""
         now, wall = self._clock.monotonic(), self._clock.time()
-        with self._using:
+        with self._queue_lock:
             for message, outcome in answers:
                 self._queue.settle(message, outcome, now, wall)
         self._wake_disk()
 
     def put_back(self, messages: Iterable[Outgoing]) -> None:
         """Take back the messages, oldest first, that were in flight when the connection ended."""
-        with self._using:
+        with self._queue_lock:
             self._queue.put_back(messages)
 
     def go_online(self) -> None:
         """Start a new connection."""
-        with self._using:
+        with self._queue_lock:
             self._queue.go_online(self._clock.monotonic())
         self._wake_disk()
 
     def go_offline(self) -> None:
         """Record the end of the connection: from now on every message goes to disk immediately."""
-        with self._using:
+        with self._queue_lock:
             self._queue.go_offline()
         self._wake_disk()
 
     def tick(self) -> None:
         """Expire messages and retry held topics; about once a second."""
-        with self._using:
+        with self._queue_lock:
             self._queue.tick(self._clock.monotonic(), self._clock.time())
         self._wake_disk()
 
     def take_gaps(self) -> list[Gap]:
         """Remove and return the losses; the caller reports them."""
-        with self._using:
+        with self._queue_lock:
             gaps = self._queue.losses.take()
         self._wake_disk()
         return gaps
@@ -140,7 +140,7 @@ class Spool:
     @property
     def unheard(self) -> int:
         """The number of messages that wait for a subscriber of their topic, not for the cloud."""
-        with self._using:
+        with self._queue_lock:
             return self._queue.unheard
 
     @property
@@ -155,14 +155,14 @@ class Spool:
 
     def figures(self) -> SpoolStatistics:
         """Return the statistics."""
-        with self._using:
+        with self._queue_lock:
             queue, disk = self._queue, self._disk
             lost = dict(queue.losses.counts)
             return SpoolStatistics(queue.standing(), lost, queue.held, disk.used if disk else 0, self.problem)
 
     def close(self) -> None:
         """Write everything and release the file; messages that are not on disk are dropped."""
-        with self._using:
+        with self._queue_lock:
             self._closed = True
             self._queue.go_offline()
         if self._disk is not None:
@@ -175,6 +175,6 @@ class Spool:
         if self._disk is not None:
             self._disk.wake_if_needed()
 
-    def _tell_more(self) -> None:
+    def _call_more(self) -> None:
         """Call ``more``, which is set after the disk thread has started."""
         self.more()

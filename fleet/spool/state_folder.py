@@ -14,7 +14,7 @@ from fleet.errors import StateError, StateTaken
 
 SPOOL = "spool.db"
 JOURNAL = "journal.db"
-LOOK = 0.01  # s between two attempts to take a lock within a bound
+POLL = 0.01  # s between two attempts to take a lock within a bound
 
 
 def state_folder(edge: str, given: Path | None = None, environ: Mapping[str, str] = os.environ) -> Path:
@@ -34,7 +34,7 @@ def state_folder(edge: str, given: Path | None = None, environ: Mapping[str, str
     return home / ".local" / "state" / "fleet" / edge
 
 
-def made(folder: Path) -> Path:
+def create_folder(folder: Path) -> Path:
     """Create the folder, with access for this user only; raises StateError."""
     try:
         folder.mkdir(mode=0o700, parents=True, exist_ok=True)
@@ -46,7 +46,7 @@ def made(folder: Path) -> Path:
 
 
 class FileLock:
-    """Exclusive lock of a file, from ``take`` until ``let_go`` or the end of the process, however it ends."""
+    """Exclusive lock of a file, from ``take`` until ``release`` or the end of the process."""
 
     def __init__(self, path: Path) -> None:
         self._path = path.with_name(path.name + ".lock")
@@ -75,7 +75,7 @@ class FileLock:
             os.ftruncate(file, 0)
             os.pwrite(file, f"{os.getpid()}\n".encode(), 0)
 
-    def let_go(self) -> None:
+    def release(self) -> None:
         """Release the lock."""
         if self._file is not None:
             os.close(self._file)
@@ -98,8 +98,8 @@ def locked(path: Path, *, within: float = math.inf) -> Iterator[None]:
         except StateTaken:
             if time.monotonic() >= end:
                 raise
-            time.sleep(LOOK)
+            time.sleep(POLL)
     try:
         yield
     finally:
-        lock.let_go()
+        lock.release()

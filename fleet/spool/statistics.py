@@ -38,20 +38,20 @@ class SpoolStatistics(msgspec.Struct, frozen=True):
     problem: str
 
 
-def class_statistics(lines: Iterable[TopicQueue]) -> dict[TrafficClass, ClassStatistics]:
+def class_statistics(queues: Iterable[TopicQueue]) -> dict[TrafficClass, ClassStatistics]:
     """Return the statistics of each class."""
     classes = {traffic: ClassStatistics() for traffic in DURABLE}
-    for line in lines:
-        _add(line, classes[line.traffic])
+    for queue in queues:
+        _add(queue, classes[queue.traffic])
     return classes
 
 
-def _add(line: TopicQueue, to: ClassStatistics) -> None:
+def _add(queue: TopicQueue, to: ClassStatistics) -> None:
     """Add the figures of one topic."""
-    warm = [message for message in (*line.back, *line.memory) if not message.gone]
-    to.messages += len(warm) + line.on_disk
-    to.on_disk += line.on_disk
-    to.memory += sum(len(message.payload) for message in warm)
-    if warm or line.on_disk:
-        first = (min(message.seq for message in warm) if warm else line.cold_from) / SECOND
+    in_memory = [message for message in (*queue.back, *queue.memory) if not message.gone]
+    to.messages += len(in_memory) + queue.on_disk
+    to.on_disk += queue.on_disk
+    to.memory += sum(len(message.payload) for message in in_memory)
+    if in_memory or queue.on_disk:
+        first = (min(message.seq for message in in_memory) if in_memory else queue.cold_from) / SECOND
         to.oldest = first if to.oldest is None else min(first, to.oldest)

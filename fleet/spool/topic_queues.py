@@ -32,34 +32,34 @@ class TopicQueues(dict[str, TopicQueue]):
 
     def of(self, topic: str, traffic: TrafficClass) -> TopicQueue:
         """Return the queue of a topic; create it if there is none."""
-        line = self.get(topic)
-        if line is None:
-            line = self[topic] = TopicQueue(topic, traffic)
-        return line
+        queue = self.get(topic)
+        if queue is None:
+            queue = self[topic] = TopicQueue(topic, traffic)
+        return queue
 
-    def stand(self, line: TopicQueue) -> None:
+    def stand(self, queue: TopicQueue) -> None:
         """Put a queue into the ring if it can send, and into ``needs_fetch`` if it runs low."""
-        if not line.queued and line.sendable:
-            line.queued = True
-            self.rings[line.traffic].append(line)
-        if line.on_disk and self.online and len(line.memory) + len(line.back) < self._low(line):
-            self.needs_fetch[line.topic] = line
+        if not queue.queued and queue.sendable:
+            queue.queued = True
+            self.rings[queue.traffic].append(queue)
+        if queue.on_disk and self.online and len(queue.memory) + len(queue.back) < self._low(queue):
+            self.needs_fetch[queue.topic] = queue
         elif self.needs_fetch:
-            self.needs_fetch.pop(line.topic, None)
+            self.needs_fetch.pop(queue.topic, None)
 
-    def forget(self, line: TopicQueue) -> None:
+    def forget(self, queue: TopicQueue) -> None:
         """Forget an empty queue that is not open, or is an inbox for replies, which is used once."""
-        if (line.state is OPEN and line.traffic is not REPLY) or not line.empty:
+        if (queue.state is OPEN and queue.traffic is not REPLY) or not queue.empty:
             return  # the common case
-        self.pop(line.topic, None)
-        self.needs_fetch.pop(line.topic, None)
-        self.holds.forget(line)
-        if line.queued:
-            self.rings[line.traffic].remove(line)
-            line.queued = False
+        self.pop(queue.topic, None)
+        self.needs_fetch.pop(queue.topic, None)
+        self.holds.forget(queue)
+        if queue.queued:
+            self.rings[queue.traffic].remove(queue)
+            queue.queued = False
 
-    def _low(self, line: TopicQueue) -> int:
+    def _low(self, queue: TopicQueue) -> int:
         """Return the number of messages of a queue that should be in memory at least."""
-        if line.state is TopicState.HELD:
+        if queue.state is TopicState.HELD:
             return 1
         return LOW_IN_NEED if self._memory.full else LOW

@@ -9,9 +9,9 @@ from fleet.spool.message import Outgoing
 
 GRACE = 0.2
 """Seconds that the cloud has to acknowledge a message before it is written to disk, while connected."""
-AT_ONCE = 2000
+MOST_ROWS = 2000
 """Most messages of one transaction: bounds its time and memory."""
-FORSAKEN = 500
+MOST_TOMBSTONES = 500
 """Gone messages above which they are removed once they are the majority.
 
 While a disk hangs for long, new messages may displace many old ones.
@@ -23,7 +23,7 @@ class UnwrittenMessages:
 
     def __init__(self) -> None:
         self._messages: deque[Outgoing] = deque()
-        self._forsaken = 0
+        self._tombstones = 0
 
     def __len__(self) -> int:
         return len(self._messages)
@@ -37,10 +37,10 @@ class UnwrittenMessages:
 
     def tombstone(self) -> None:
         """Record that one of the messages is ``gone``."""
-        self._forsaken += 1
-        if self._forsaken > FORSAKEN and 2 * self._forsaken > len(self._messages):
+        self._tombstones += 1
+        if self._tombstones > MOST_TOMBSTONES and 2 * self._tombstones > len(self._messages):
             self._messages = deque(message for message in self._messages if not message.gone)
-            self._forsaken = 0
+            self._tombstones = 0
 
     def take(self, now: float, *, at_once: bool) -> list[Outgoing]:
         """Remove and return messages to write, oldest first, bounded in number; mark them ``stored``.
@@ -48,12 +48,12 @@ class UnwrittenMessages:
         Those are the messages older than GRACE, or all if ``at_once``.
         """
         rows: list[Outgoing] = []
-        while self._messages and len(rows) < AT_ONCE:
+        while self._messages and len(rows) < MOST_ROWS:
             if not (at_once or self._messages[0].since + GRACE <= now):
                 break
             message = self._messages.popleft()
             if message.gone:
-                self._forsaken -= 1
+                self._tombstones -= 1
                 continue
             message.stored = True
             rows.append(message)

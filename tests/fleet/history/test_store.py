@@ -25,7 +25,7 @@ from fleet.history.store import (
 )
 from fleet.model.command import Transport
 from fleet.model.event import EventKind, EventReport, Requester, Severity
-from fleet.spool.state_folder import locked, made
+from fleet.spool.state_folder import create_folder, locked
 from fleet.testing.clock import ManualClock
 from fleet.testing.waiting import DEADLINE
 
@@ -281,7 +281,7 @@ def _seconds(store, said):
 
 
 def test_a_history_that_another_process_is_opening_is_waited_for_a_moment(store, clock):
-    made(store.folder)
+    create_folder(store.folder)
     with locked(store.folder / HISTORY):
         store.add("rex", event())
         writer = threading.Thread(target=store.write, daemon=True)
