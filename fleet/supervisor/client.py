@@ -146,13 +146,13 @@ class SupervisorClient:
             return False
         return True
 
-    def leave_farewell(self, words: bytes) -> None:
+    def leave_notice(self, notice: bytes) -> None:
         """Leave the disconnect notice for the cloud with the supervisor, in a file without a name."""
         if self._sock is None:
             return
         try:
             with tempfile.TemporaryFile(dir=self._folder) as file:
-                file.write(words)
+                file.write(notice)
                 file.flush()
                 socket.send_fds(self._sock, [protocol.encode(LeftNotice())], [file.fileno()])
         except OSError as error:

@@ -78,7 +78,7 @@ class ProcessHalts:
         """Names of the robots that can be halted."""
         return sorted(self._kept)
 
-    def follow(
+    def apply(
         self, message: RegisterHalt | UnregisterHalt | WriteUntil, descriptors: list[int]
     ) -> HaltRegistered | HaltUnregistered | None:
         """Apply a message of the process and return the answer. Raises OSError like ``take``."""

@@ -12,7 +12,7 @@ import socket
 from collections.abc import MutableMapping
 
 ADDRESS, WATCHDOG, WATCHED = "NOTIFY_SOCKET", "WATCHDOG_USEC", "WATCHDOG_PID"
-SIGNS = 3.0  # notifications within one period of the watchdog: two may be lost
+NOTIFICATIONS = 3.0  # notifications within one period of the watchdog: two may be lost
 
 
 class ServiceManager:
@@ -31,7 +31,7 @@ class ServiceManager:
         if not address:
             return
         if period.isdecimal() and watched in ("", str(process)):
-            self.every = int(period) / 1e6 / SIGNS
+            self.every = int(period) / 1e6 / NOTIFICATIONS
         self._address = "\0" + address[1:] if address.startswith("@") else address
         self._socket = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
         self._socket.setblocking(False)

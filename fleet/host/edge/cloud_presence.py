@@ -21,7 +21,7 @@ class CloudPresence:
 
     def leave_words(self) -> None:
         """Leave with the supervisor what the cloud is to be told when this process dies."""
-        self._supervised.leave_farewell(msgspec.json.encode(self._bridge.disconnect_plan()))
+        self._supervised.leave_notice(msgspec.json.encode(self._bridge.disconnect_plan()))
 
     def hold(self, twin: str, holder: str) -> None:
         """Leave a twin to another edge, which speaks for it, or take it back."""
