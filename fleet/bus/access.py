@@ -39,19 +39,19 @@ PROGRAM_CHANNELS = (
 _REPORTS = "cw/*/data/**"
 _STOP = "fleet/*/stop"
 _DESCRIPTION = "fleet/*/robots/*/description"
-_OF_CONSOLES = (
+_CONSOLE_KEYS = (
     keys.command("*", "*"),
     keys.mission("*", "*"),
     keys.run("*", "*"),
     keys.schedules("*"),
 )
-_OF_COMMAND_LINES = (keys.prepare("*", "*"), keys.starts("*"))
+_COMMAND_LINE_KEYS = (keys.prepare("*", "*"), keys.starts("*"))
 _BY_CERTIFICATE = frozenset({"tls", "quic"})
 
 _LISTEN = ("declare_subscriber", "liveliness_query", "declare_liveliness_subscriber")
-_SAY = ("put", "delete")
+_PUBLISH = ("put", "delete")
 _ANSWER = ("declare_queryable", "reply")
-_ALL = (*_SAY, "query", *_ANSWER, "liveliness_token", *_LISTEN)
+_ALL = (*_PUBLISH, "query", *_ANSWER, "liveliness_token", *_LISTEN)
 
 
 class Access(msgspec.Struct, frozen=True):
@@ -118,7 +118,7 @@ def rules_of(role: Role, name: str, edge: str, access: Access) -> tuple[_Rule, .
         channels = (*PROGRAM_CHANNELS, *access.channels)
         return (
             _NO_FRAMES,
-            _Rule((*_SAY, *_ANSWER), tuple(f"cw/*/data/{channel}/**" for channel in channels)),
+            _Rule((*_PUBLISH, *_ANSWER), tuple(f"cw/*/data/{channel}/**" for channel in channels)),
             _Rule(_ANSWER, ("fleet/*/robots/*/video",)),
         )
     if role == "worker":
@@ -129,9 +129,9 @@ def rules_of(role: Role, name: str, edge: str, access: Access) -> tuple[_Rule, .
     return (
         _NO_FRAMES,
         *((_Rule(("query",), coordinated),) if name in access.coordinators else ()),
-        _Rule((*_SAY, *_ANSWER, "liveliness_token"), own),
-        _Rule((*_SAY, *_ANSWER), (_REPORTS,)),
-        _Rule((*_SAY, *_ANSWER), ("cw/*/data/commands/**", *foreign), "deny"),
+        _Rule((*_PUBLISH, *_ANSWER, "liveliness_token"), own),
+        _Rule((*_PUBLISH, *_ANSWER), (_REPORTS,)),
+        _Rule((*_PUBLISH, *_ANSWER), ("cw/*/data/commands/**", *foreign), "deny"),
     )
 
 
@@ -141,8 +141,8 @@ def _console_rules(name: str, most: Permission) -> tuple[_Rule, ...]:
     One that may give every permission also runs the command line, which gives none.
     """
     given = [each.word for each in Permission if each <= most]
-    asked = [keys.as_console(key, word, name) for key in _OF_CONSOLES for word in given]
-    plain = () if most < Permission.ADMIN else (*_OF_CONSOLES, *_OF_COMMAND_LINES)
+    asked = [keys.as_console(key, word, name) for key in _CONSOLE_KEYS for word in given]
+    plain = () if most < Permission.ADMIN else (*_CONSOLE_KEYS, *_COMMAND_LINE_KEYS)
     watches = (_Rule(("put",), ("cw/*/data/local/webrtc_answer",)),) if most >= Permission.OPERATE else ()
     return (
         _Rule(("query",), ("fleet/*/history", *asked, *plain)),
@@ -157,13 +157,13 @@ def _worker_rules(name: str, edge: str) -> tuple[_Rule, ...]:
     return (
         _NO_FRAMES,
         _Rule(("liveliness_token",), (own, robots, f"fleet/{edge}/claims/*/*")),
-        _Rule(_SAY, (f"{own}/beat", f"{robots}/state", f"fleet/{edge}/places/{name}", _REPORTS)),
-        _Rule(_SAY, (f"fleet/{edge}/frames/{name}",)),
+        _Rule(_PUBLISH, (f"{own}/beat", f"{robots}/state", f"fleet/{edge}/places/{name}", _REPORTS)),
+        _Rule(_PUBLISH, (f"fleet/{edge}/frames/{name}",)),
         _Rule(("query",), (f"{robots}/video",)),
         _Rule(_ANSWER, (f"{robots}/command", f"{robots}/state", f"fleet/{edge}/stop", _REPORTS)),
         _Rule(_ANSWER, (f"{robots}/command{keys.CONSOLE}", f"{robots}/description", f"fleet/{edge}/history")),
         _Rule(_ANSWER, (f"{robots}/prepare", f"fleet/{edge}/starts", f"{own}/reload", f"{own}/hold")),
-        _Rule((*_SAY, *_ANSWER), ("cw/*/data/commands/**",), "deny"),
+        _Rule((*_PUBLISH, *_ANSWER), ("cw/*/data/commands/**",), "deny"),
     )
 
 

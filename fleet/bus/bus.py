@@ -42,9 +42,9 @@ class Bus:
     @property
     def problem(self) -> str:
         """Why an endpoint in ``connect`` is not joined; empty when all are."""
-        reached = {_place(endpoint) for endpoint in self.reports.reached()} if self._connect else set()
-        missing = [endpoint for endpoint in self._connect if _place(endpoint) not in reached]
-        return _shut_out(missing) if missing else ""
+        reached = {_stable_part(endpoint) for endpoint in self.reports.reached()} if self._connect else set()
+        missing = [endpoint for endpoint in self._connect if _stable_part(endpoint) not in reached]
+        return _join_error(missing) if missing else ""
 
     def close(self) -> None:
         """Close both sessions."""
@@ -85,7 +85,7 @@ def _listening(settings: BusSettings, directory: Path, users: Path | None) -> Bu
             zenoh_settings(
                 settings,
                 mode="peer",
-                listen=(control_socket, *(_beside(endpoint) for endpoint in settings.listen)),
+                listen=(control_socket, *(_control_endpoint(endpoint) for endpoint in settings.listen)),
                 connect=(reports_socket, *settings.connect),
                 users=users,
             )
@@ -130,7 +130,7 @@ def _join(settings: BusSettings, bus_session: str, directory: Path) -> ZenohSess
     try:
         session = ZenohSession(zenoh_settings(settings, mode="client", listen=(), connect=endpoints))
     except BusError:
-        raise BusError(_shut_out(endpoints)) from None
+        raise BusError(_join_error(endpoints)) from None
     if not here:
         session.identity = _identity(settings)
     return session
@@ -154,7 +154,7 @@ def _identity(settings: BusSettings) -> str:
         return LOCAL
 
 
-def _shut_out(endpoints: Iterable[str]) -> str:
+def _join_error(endpoints: Iterable[str]) -> str:
     """Return the error text for endpoints that cannot be joined; Zenoh gives no reason."""
     where = ", ".join(endpoints)
     return (
@@ -162,13 +162,13 @@ def _shut_out(endpoints: Iterable[str]) -> str:
     )
 
 
-def _place(endpoint: str) -> tuple[str, str]:
+def _stable_part(endpoint: str) -> tuple[str, str]:
     """Return protocol and port, or path, of an endpoint: the parts that name resolution does not change."""
     protocol, _, rest = re.split("[?#]", endpoint)[0].partition("/")
     return protocol, rest.rpartition(":")[2]
 
 
-def _beside(endpoint: str) -> str:
+def _control_endpoint(endpoint: str) -> str:
     """Return the endpoint of the control session that belongs to one of the reports session.
 
     It has a port chosen by the system (others learn it by gossip), or, without ports, another name.

@@ -14,15 +14,15 @@ from fleet.bus.settings import BusSettings, running_edges
 from fleet.clock import Clock
 from fleet.errors import BusError
 
-LOOK = 0.25  # s between two scans for running edges
-AGAIN = 2.0  # s until a failed join is retried
+SCAN_EVERY = 0.25  # s between two scans for running edges
+RETRY_AFTER = 2.0  # s until a failed join is retried
 
 
 class EdgeBuses:
     """The buses that are joined now, by edge, in ``joined``.
 
     ``edges`` are joined in addition to all edges that run on this computer, or instead of them with ``only``.
-    ``opened`` is called in a thread with each edge and its newly joined bus, and may block. ``told`` is
+    ``opened`` is called in a thread with each edge and its newly joined bus, and may block. ``changed`` is
     called on the event loop with an edge and None when it is joined, or else the reason why it is not.
     """
 
@@ -34,7 +34,7 @@ class EdgeBuses:
         *,
         only: bool,
         opened: Callable[[str, Bus], None],
-        told: Callable[[str, str | None], None],
+        changed: Callable[[str, str | None], None],
     ) -> None:
         self.joined: dict[str, Bus] = {}
         self._edges = {settings.edge: settings for settings in edges}
@@ -42,7 +42,7 @@ class EdgeBuses:
         self._directory = directory
         self._clock = clock
         self._opened = opened
-        self._told = told
+        self._changed = changed
         self._joining: dict[str, asyncio.Task[None]] = {}
         self._closing: set[asyncio.Task[None]] = set()
         self._not_before: dict[str, float] = {}
@@ -51,8 +51,8 @@ class EdgeBuses:
         """Join edges as they start and leave those that are gone, until cancelled."""
         try:
             while True:
-                self._look()
-                await asyncio.sleep(LOOK)
+                self._scan()
+                await asyncio.sleep(SCAN_EVERY)
         finally:
             # Wait for joins in progress, then close them: a thread inside Zenoh must not outlive us.
             await asyncio.gather(*self._joining.values(), return_exceptions=True)
@@ -60,7 +60,7 @@ class EdgeBuses:
                 self._leave(edge)
             await asyncio.gather(*self._closing, return_exceptions=True)
 
-    def _look(self) -> None:
+    def _scan(self) -> None:
         """Start to join running edges that are not joined; leave those that are gone."""
         wanted = self._edges
         running = set(running_edges(self._directory))
@@ -73,7 +73,7 @@ class EdgeBuses:
                 if not reachable or not self.joined[edge].control.reached():
                     self._leave(edge)
             elif not reachable:
-                self._told(edge, "it does not run")
+                self._changed(edge, "it does not run")
             elif edge not in self._joining and now >= self._not_before.get(edge, now):
                 self._joining[edge] = asyncio.create_task(self._join(settings), name=f"join:{edge}")
         for edge in self.joined.keys() - wanted.keys():
@@ -82,7 +82,7 @@ class EdgeBuses:
     def _leave(self, edge: str) -> None:
         """Close the bus of an edge that is gone; it is joined again when it is back."""
         bus = self.joined.pop(edge)
-        self._told(edge, "it has gone")
+        self._changed(edge, "it has gone")
         closing = asyncio.create_task(asyncio.to_thread(bus.close), name=f"close:{edge}")
         self._closing.add(closing)
         closing.add_done_callback(self._closing.discard)
@@ -93,11 +93,11 @@ class EdgeBuses:
         try:
             bus = await asyncio.to_thread(join, settings, self._directory)
         except BusError as error:
-            self._not_before[edge] = self._clock.monotonic() + AGAIN
-            self._told(edge, str(error))
+            self._not_before[edge] = self._clock.monotonic() + RETRY_AFTER
+            self._changed(edge, str(error))
         else:
             self.joined[edge] = bus
-            self._told(edge, None)
+            self._changed(edge, None)
             await asyncio.to_thread(self._opened, edge, bus)
         finally:
             del self._joining[edge]

@@ -23,11 +23,11 @@ def stop_causes(records: Iterable[Record]) -> dict[tuple[str, str], Record]:
             causes.pop(robot, None)
         elif record.kind in _SETS and record.command == EMERGENCY:
             known = causes.get(robot)
-            if known is None or (_is_surer(record, known) and record.stamp - known.stamp < 1.0):
+            if known is None or (_is_better_proven(record, known) and record.stamp - known.stamp < 1.0):
                 causes[robot] = record
     return causes
 
 
-def _is_surer(one: Record, other: Record) -> bool:
+def _is_better_proven(one: Record, other: Record) -> bool:
     """Return whether only the first of two events has a proven asker."""
     return bool(one.asker and one.asker.proven) and not (other.asker and other.asker.proven)

@@ -49,7 +49,7 @@ CREATE INDEX event_by_robot ON event (robot, stamp);
 )
 """SQL that creates the file, and migrates it from each format number to the next."""
 WAITING = 5000  # maximum number of events in memory
-AGAIN_AFTER = 5.0  # s until the next attempt after a failed write
+RETRY_AFTER = 5.0  # s until the next attempt after a failed write
 BUSY = 0.2
 """Seconds to wait for another process that opens or writes; it also delays the record of a stop."""
 LAST_PATIENCE = 2.0  # s to wait for the lock in the last write of the process
@@ -116,7 +116,7 @@ class History:
                 self._prune_at = now if self._prune(database) else now + PRUNE_EVERY
         except Exception as error:  # noqa: BLE001 - the journal's thread must go on
             self._fail(error)
-            self._try_at = now + AGAIN_AFTER
+            self._try_at = now + RETRY_AFTER
         else:
             self.problem = ""
 
@@ -127,13 +127,13 @@ class History:
         if self._database is not None:
             self._database.execute(f"PRAGMA busy_timeout = {LAST_PATIENCE * 1000:.0f}")
         self.write()
-        self._shut()
+        self._close_file()
 
     def _opened(self) -> sqlite3.Connection:
         """Return the open file, opening it if necessary; raises StateError, OSError, sqlite3.Error."""
         path = self.folder / HISTORY
         if not path.exists():  # not yet created, or deleted while open: writes to it would be lost
-            self._shut()
+            self._close_file()
         if self._database is None:
             create_folder(self.folder)
             try:
@@ -143,7 +143,7 @@ class History:
                 raise StateError(f"another process is just opening {path}") from None
         return self._database
 
-    def _shut(self) -> None:
+    def _close_file(self) -> None:
         """Close the file."""
         if self._database is not None:
             with contextlib.suppress(sqlite3.Error):
@@ -187,7 +187,7 @@ class History:
     def _fail(self, error: Exception) -> None:
         """Report that events are kept only in memory; a damaged file is moved aside when opened again."""
         if isinstance(error, sqlite3.Error) and (is_corrupt(error) or _may_heal(error)):
-            self._shut()
+            self._close_file()
         problem = f"the history is kept in memory only: {error}"
         if problem != self.problem:
             log.error("%s", problem)

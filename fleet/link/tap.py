@@ -22,7 +22,7 @@ from fleet.link.base import Address
 
 log = logging.getLogger(__name__)
 
-Way = Literal["open", "in", "out"]
+Direction = Literal["open", "in", "out"]
 Redaction = Callable[[bytes], bytes]
 """Overwrites secrets in the bytes of one direction of one link; returns as many bytes as it gets."""
 
@@ -40,7 +40,7 @@ class LinkFrame(msgspec.Struct, frozen=True, omit_defaults=True):
     """
 
     at: float
-    way: Way
+    way: Direction
     data: bytes = b""
     peer: str = ""
 
@@ -63,7 +63,9 @@ class LinkFrames(msgspec.Struct, frozen=True, omit_defaults=True):
 class Note(Protocol):
     """Takes a copy of a frame, from any thread; never raises."""
 
-    def __call__(self, way: Way, data: bytes, address: Address = None, *, at: float | None = None) -> None:
+    def __call__(
+        self, way: Direction, data: bytes, address: Address = None, *, at: float | None = None
+    ) -> None:
         """Take direction, bytes and peer; ``at`` (Unix s) if it was not now."""
 
 
@@ -76,7 +78,7 @@ class LinkTap:
         self.robot = robot
         self.link = link
         self.note: Note | None = None
-        self.redactions: dict[Way, Redaction] = {}
+        self.redactions: dict[Direction, Redaction] = {}
 
 
 class FrameTap:
@@ -86,7 +88,7 @@ class FrameTap:
         self.is_on = False
         self._clock = clock
         self._links: WeakSet[LinkTap] = WeakSet()
-        self._waiting: deque[tuple[LinkTap, float, Way, bytes, Address]] = deque()
+        self._waiting: deque[tuple[LinkTap, float, Direction, bytes, Address]] = deque()
         self._size = 0
         self._lock = threading.Lock()  # guards the queue and its size, which several threads change
         self._dropped = 0
@@ -117,7 +119,7 @@ class FrameTap:
             tap.note = partial(self._take, tap) if on else None
 
     def _take(
-        self, tap: LinkTap, way: Way, data: bytes, address: Address = None, *, at: float | None = None
+        self, tap: LinkTap, way: Direction, data: bytes, address: Address = None, *, at: float | None = None
     ) -> None:
         """Queue a copy of a frame; from any thread, even just after the recorder has left."""
         frame = tap, self._clock.time() if at is None else at, way, data, address
@@ -130,7 +132,7 @@ class FrameTap:
             self._size += len(data) + OVERHEAD
             self._waiting.append(frame)
 
-    def _next(self) -> tuple[LinkTap, float, Way, bytes, Address] | None:
+    def _next(self) -> tuple[LinkTap, float, Direction, bytes, Address] | None:
         """Return the oldest queued frame, None if there is none."""
         with self._lock:
             if not self._waiting:
@@ -162,7 +164,7 @@ class FrameTap:
             put(self._message(tap, frames))
             yield
 
-    def _redacted(self, tap: LinkTap, way: Way, data: bytes) -> bytes | None:
+    def _redacted(self, tap: LinkTap, way: Direction, data: bytes) -> bytes | None:
         """Return the bytes without secrets, None (the frame is dropped) when an adapter's redaction fails."""
         redact = tap.redactions.get(way)
         if redact is None:

@@ -78,19 +78,22 @@ def _area(polygon: Polygon) -> float:
 
 def _meet(one: Edge, other: Edge) -> bool:
     """Return whether two line segments touch or cross."""
-    turns = (
-        _turn(one[0], one[1], other[0]),
-        _turn(one[0], one[1], other[1]),
-        _turn(other[0], other[1], one[0]),
-        _turn(other[0], other[1], one[1]),
+    orientations = (
+        _orientation(one[0], one[1], other[0]),
+        _orientation(one[0], one[1], other[1]),
+        _orientation(other[0], other[1], one[0]),
+        _orientation(other[0], other[1], one[1]),
     )
-    if turns[0] * turns[1] < 0 and turns[2] * turns[3] < 0:
+    if orientations[0] * orientations[1] < 0 and orientations[2] * orientations[3] < 0:
         return True
     ends = ((one, other[0]), (one, other[1]), (other, one[0]), (other, one[1]))
-    return any(turn == 0 and _between(edge, point) for turn, (edge, point) in zip(turns, ends, strict=True))
+    return any(
+        orientation == 0 and _between(edge, point)
+        for orientation, (edge, point) in zip(orientations, ends, strict=True)
+    )
 
 
-def _turn(a: Point, b: Point, c: Point) -> float:
+def _orientation(a: Point, b: Point, c: Point) -> float:
     """Return the side of the line from a to b on which c lies: positive left, negative right, 0 on it."""
     return (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
 

@@ -31,7 +31,7 @@ class LoopClock:
         return EPOCH + self._loop.time() - self._began
 
 
-class _Jumping(selectors.SelectSelector):
+class _JumpingSelector(selectors.SelectSelector):
     """Selector that never waits: it advances the loop's time by the time-out instead."""
 
     def __init__(self) -> None:
@@ -47,7 +47,7 @@ class _Jumping(selectors.SelectSelector):
         return []
 
 
-class _AtOnce(ThreadPoolExecutor):
+class _InlineExecutor(ThreadPoolExecutor):
     """Executor that makes blocking calls on the event loop's own thread: no time passes meanwhile."""
 
     def submit(self, call: Callable[..., Any], /, *arguments: Any, **more: Any) -> Future[Any]:
@@ -63,13 +63,13 @@ class _AtOnce(ThreadPoolExecutor):
 class JumpingLoop(SelectorEventLoop):
     """An event loop whose time jumps to the next timer as soon as nothing is left to do.
 
-    Work for threads is done immediately (``_AtOnce``): no thread races with time.
+    Work for threads is done immediately (``_InlineExecutor``): no thread races with time.
     """
 
     def __init__(self) -> None:
-        self._jumping = _Jumping()
+        self._jumping = _JumpingSelector()
         super().__init__(self._jumping)
-        self.set_default_executor(_AtOnce())
+        self.set_default_executor(_InlineExecutor())
 
     def time(self) -> float:
         """Return the seconds skipped so far, from an arbitrary start."""

@@ -36,7 +36,7 @@ from fleet.link.canbus.raw import Packet
 
 _URL = re.compile(r"can:(?P<interface>[a-z0-9_]+):(?P<channel>[^?\s]+)(?:\?(?P<options>\S+))?", re.ASCII)
 _OPTION = re.compile(r"(?:host=[A-Za-z0-9.:_-]+|port=\d{1,5}|(?:data_)?bitrate=[1-9]\d{3,7})", re.ASCII)
-_TAKES: Mapping[str, tuple[str, ...]] = MappingProxyType(
+_OPTIONS_OF: Mapping[str, tuple[str, ...]] = MappingProxyType(
     {"udp_multicast": ("port",), "socketcand": ("host", "port")}
 )
 """The options of each interface; all others have none."""
@@ -44,16 +44,25 @@ _NO_BITRATE = frozenset({"socketcan", "udp_multicast", "socketcand", "virtual"})
 """Interfaces whose bit rate is set elsewhere (``ip link``, the daemon) or that have none."""
 _SOCKETCAND_PORT = 29536  # default of the daemon
 _PCAN_CLOCK = 80_000_000  # Hz, of the PCAN interfaces with CAN FD
-_REACHED = 2.0  # s within which a daemon's host must answer
+_CONNECT_TIMEOUT = 2.0  # s within which a daemon's host must answer
 _RATES = ("bitrate", "data_bitrate")
 _BLOCKED = 0.01  # s that a bus counts as blocked after its queue was full
-_FULL_FOR = 0.1  # s of a full queue after which the bus is dead
+_DEAD_AFTER = 0.1  # s of a full queue after which the bus is dead
 _BATCH = 256  # frames read at once
 _BUS_OFF = 0x40  # bit in the identifier of a SocketCAN error frame
-_FOR_GOOD = {errno.ENODEV, errno.EACCES, errno.EPERM, errno.EAFNOSUPPORT}
+_PERMANENT_ERRORS = {errno.ENODEV, errno.EACCES, errno.EPERM, errno.EAFNOSUPPORT}
 
 
-_BROKEN = (can.CanError, OSError, ValueError, ImportError, TypeError, NameError, AttributeError, RuntimeError)
+_OPEN_ERRORS = (
+    can.CanError,
+    OSError,
+    ValueError,
+    ImportError,
+    TypeError,
+    NameError,
+    AttributeError,
+    RuntimeError,
+)
 """Errors of python-can's interfaces when a bus cannot be opened, including a vendor's missing driver."""
 
 
@@ -106,7 +115,7 @@ def _parse(text: str, *, rates: bool) -> BusUrl:
 
 def _options(text: str, interface: str, options: str, *, rates: bool) -> dict[str, str]:
     """Return the options of a bus URL; raises LinkRefused for one that its interface does not have."""
-    takes, given = _TAKES.get(interface, ()), {}
+    takes, given = _OPTIONS_OF.get(interface, ()), {}
     if rates and interface != "socketcand":
         takes = (*takes, *(_RATES[1:] if interface in _NO_BITRATE else _RATES))
     for option in options.split("&") if options else ():
@@ -181,7 +190,7 @@ class OpenCanBus:
         frames: list[CanFrame] = []
         try:
             for packet in self._packets(wait):
-                self._sort(packet, frames)
+                self._classify(packet, frames)
                 if self._dead:
                     break
         except (can.CanError, OSError) as error:
@@ -208,7 +217,7 @@ class OpenCanBus:
             return raw.read(self._socket, wait, _BATCH)
         return _received(self._bus, wait)
 
-    def _sort(self, packet: Packet, frames: list[CanFrame]) -> None:
+    def _classify(self, packet: Packet, frames: list[CanFrame]) -> None:
         """Keep data frames; count error frames and look for bus-off in them."""
         if packet.error:
             self.errors += 1
@@ -227,7 +236,7 @@ class OpenCanBus:
         self._full_at = now
         if self._full_since is None:
             self._full_since = now
-        elif now - self._full_since > _FULL_FOR:
+        elif now - self._full_since > _DEAD_AFTER:
             channel = _parse(self.url, rates=True).channel
             self._dead = (
                 "its transmit queue stays full, no node acknowledges: are the drives powered? It may hold "
@@ -285,9 +294,9 @@ def _open(url: str, bitrate: int, data_bitrate: int | None) -> can.BusABC:
         options |= _fd_options(parts.interface, bitrate, data_bitrate)
     try:
         if parts.host:  # fail early: python-can retries for 10 s without a pause
-            socket.create_connection((options["host"], options["port"]), _REACHED).close()
+            socket.create_connection((options["host"], options["port"]), _CONNECT_TIMEOUT).close()
         return can.Bus(**options)
-    except _BROKEN as error:
+    except _OPEN_ERRORS as error:
         raise _unopened(url, parts.interface, error) from error
 
 
@@ -313,7 +322,7 @@ def _unopened(url: str, interface: str, error: Exception) -> LinkLost | LinkRefu
     why = str(getattr(error, "strerror", None) or error)
     if isinstance(error, (ImportError, NameError, AttributeError, can.CanInterfaceNotImplementedError)):
         return LinkRefused(f"{url}: the driver for {interface} is not installed on this computer ({why})")
-    if isinstance(error, (ValueError, TypeError)) or code in _FOR_GOOD:
+    if isinstance(error, (ValueError, TypeError)) or code in _PERMANENT_ERRORS:
         return LinkRefused(f"{url}: {why}")
     if type(error) is OSError and code is None:
         return LinkRefused(f"{url}: the driver for {interface} cannot be loaded ({why})")

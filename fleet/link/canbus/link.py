@@ -19,7 +19,7 @@ from fleet.link.tap import tap_of
 
 _POLL = 0.05  # s that one read waits: bounds the time of a close
 _BACKLOG = 4096  # frames that wait for the loop; beyond it the oldest are dropped and counted
-_TURN = 256  # frames handed over in one iteration of the loop
+_BATCH = 256  # frames handed over in one iteration of the loop
 _FULL = 1 << 20  # bytes reported as unsent while the queue is full: more than any motion
 _CLASSIC = 1_000_000  # bit/s, for interfaces without a configured rate
 
@@ -106,7 +106,7 @@ class CanLink:
     def _hand_over(self) -> None:
         """Pass received frames to the receiver; a large rest follows in the next iteration of the loop."""
         self._due = False
-        for _ in range(_TURN):
+        for _ in range(_BATCH):
             if self._ending.ended or not self._arrived:
                 return
             self.stats.received += 1
