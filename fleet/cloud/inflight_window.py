@@ -64,8 +64,11 @@ class InflightWindow:
         return bool(self._outcomes)
 
     def busy(self) -> bool:
-        """Return whether messages wait to be sent or are not acknowledged yet."""
-        return bool(self._inflight) or not self._outbox.idle
+        """Return whether messages wait to be sent or are not acknowledged yet.
+
+        Outcomes that the spool has not seen yet count too: they may release the next message of a topic.
+        """
+        return bool(self._inflight or self._outcomes) or not self._outbox.idle
 
     def next_id(self) -> int:
         """Return a free packet identifier."""
