@@ -75,12 +75,12 @@ class HistoryBounds(msgspec.Struct, frozen=True):
 class History:
     """Event store of one process. ``problem`` says why events are not on disk; empty while they are.
 
-    ``told`` is called with each event and its robot, on the thread that added it: it must not wait.
+    ``on_event`` is called with each event and its robot, on the thread that added it: it must not wait.
     """
 
     def __init__(self, folder: Path, clock: Clock, bounds: HistoryBounds | None = None) -> None:
         self.problem = ""
-        self.told: Callable[[str, EventReport], None] = lambda _robot, _event: None
+        self.on_event: Callable[[str, EventReport], None] = lambda _robot, _event: None
         self.folder = folder
         self._clock = clock
         self._bounds = bounds or HistoryBounds()
@@ -94,7 +94,7 @@ class History:
     def add(self, robot: str, event: EventReport) -> None:
         """Take an event of a robot, empty for the edge's own; from any thread. Never blocks, never raises."""
         self._waiting.append(row_of(robot, event))
-        self.told(robot, event)
+        self.on_event(robot, event)
         if len(self._waiting) > WAITING:
             with contextlib.suppress(IndexError):  # the writer has taken them meanwhile
                 self._waiting.popleft()

@@ -45,12 +45,12 @@ class Offset(msgspec.Struct, frozen=True):
         return abs(self.seconds) + self.bound
 
 
-def offset_of(sent: float, told: float, received: float) -> Offset:
-    """Return a clock's offset from one request: it showed ``told`` between ``sent`` and ``received``.
+def offset_of(sent: float, shown: float, received: float) -> Offset:
+    """Return a clock's offset from one request: it showed ``shown`` between ``sent`` and ``received``.
 
     The answer may have been made at any moment between the two, so half of that time is the bound.
     """
-    return Offset(told - (sent + received) / 2, max(received - sent, 0.0) / 2)
+    return Offset(shown - (sent + received) / 2, max(received - sent, 0.0) / 2)
 
 
 def check_clock(where: str, offset: Offset | None) -> None:

@@ -129,7 +129,7 @@ class VideoSender:
         if self._peer is not None:
             await self._peer.add(candidate)
 
-    def told(self) -> dict[str, object] | None:
+    def state(self) -> dict[str, object] | None:
         """Return the state of the stream for the bus (``fleet.wire.streams``), None if there is none.
 
         ``fps`` is measured since the last call.

@@ -157,7 +157,7 @@ class Edge:
         self.schedules = EdgeSchedules(
             config, folder, self.missions.starter, states=self.states, record=history.add, clock=clock
         )
-        history.told = self.schedules.before(self._notifier.take)
+        history.on_event = self.schedules.before(self._notifier.take)
         self._pair = part_in_pair(loaded, gate, self.process, self.schedules.run)
         self._watches: DropInWatch | None = None
         self._loaded = loaded
