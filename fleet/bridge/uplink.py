@@ -23,7 +23,7 @@ from fleet.model.report import Report
 from fleet.runtime.rate_limited_counter import RateLimitedCounter
 from fleet.wire.databus import decode_report, unread_fields
 from fleet.wire.documents import document_out
-from fleet.wire.events import TOLD_TO_THE_CLOUD, is_of_the_fleet, unproven
+from fleet.wire.events import CLOUD_EVENTS, is_of_the_fleet, unproven
 from fleet.wire.parts import ends_every_stream, part_of
 from fleet.wire.reports import to_mqtt
 from fleet.wire.rules import TopicRule
@@ -208,7 +208,7 @@ class Uplink:
                 sample = decode_report(outbound.channel, sample)
             except WireError:  # handled like any other invalid document
                 return False
-        if isinstance(sample, EventReport) and sample.kind in TOLD_TO_THE_CLOUD:
+        if isinstance(sample, EventReport) and sample.kind in CLOUD_EVENTS:
             topic = self._topics.twin(outbound.twin, outbound.rule.suffix)
             now, wall = self._clock.monotonic(), self._clock.time()
             if self.events.admits(topic, sample, now, wall, heard=heard is not None):

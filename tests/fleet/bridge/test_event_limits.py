@@ -5,7 +5,7 @@ import pytest
 from fleet.bridge.event_limits import A_MINUTE, DEFAULT_A_MINUTE, LOOP, EventLimits
 from fleet.model.command import Transport
 from fleet.model.event import EventKind, EventReport, Requester
-from fleet.wire.events import TOLD_TO_THE_CLOUD
+from fleet.wire.events import CLOUD_EVENTS
 
 TOPIC, OTHER = "cyberwave/twin/a/event", "cyberwave/twin/b/event"
 CLOUD, LOCAL = Requester(Transport.CLOUD, "wf-1", "edge"), Requester(Transport.BUS, "anna")
@@ -15,13 +15,13 @@ def event(kind=EventKind.SEPARATION, asker=None, request=""):
     return EventReport(0.0, kind, "x", asker=asker, request=request)
 
 
-@pytest.mark.parametrize("kind", sorted(TOLD_TO_THE_CLOUD))
+@pytest.mark.parametrize("kind", sorted(CLOUD_EVENTS))
 def test_of_each_kind_a_robot_tells_so_many_a_minute_and_each_robot_and_kind_has_its_own(kind):
     limits, most = EventLimits(), A_MINUTE.get(kind, DEFAULT_A_MINUTE)
     assert [limits.admits(TOPIC, event(kind), 0.1 * n, 0.0) for n in range(most + 2)] == [True] * most + [
         False
     ] * 2
-    other = next(each for each in TOLD_TO_THE_CLOUD if each is not kind)
+    other = next(each for each in CLOUD_EVENTS if each is not kind)
     assert limits.admits(OTHER, event(kind), 2.0, 0.0)
     assert limits.admits(TOPIC, event(other), 2.0, 0.0)
     assert limits.admits(TOPIC, event(kind), 60.0, 0.0)
