@@ -67,8 +67,8 @@ class InboundMessage(msgspec.Struct, frozen=True, gc=False):
 class Downlink:
     """The cloud-to-edge half of the bridge.
 
-    Nothing here stops an emergency stop: neither our own session id in it, nor its size, the retain flag, a
-    full inbox, nor another edge that holds the twin.
+    An emergency stop always passes: with our own session id in it, above the size limit, retained (once),
+    while the inbox is full, and for a twin that another edge holds.
 
     ``books`` has the rules by UUID (of twins, environments and workflows), ``any_run`` those of workflow
     runs, whose UUIDs are not known in advance. ``own`` has the handlers of the bridge itself, by suffix.

@@ -41,7 +41,7 @@ OpenRoute = Callable[[str, TopicRule], PublishRoute]
 
 
 class Client(Protocol):
-    """Queue for payloads, each with its route, until the end of the tick."""
+    """Queue of payloads with their routes; they are sent at the end of the tick."""
 
     def queue(self, route: PublishRoute, payload: bytes) -> None:
         """Queue one payload."""

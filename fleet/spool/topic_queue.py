@@ -112,9 +112,9 @@ class TopicQueue:
         return self.back.pop(0) if self.back else self.memory.popleft()
 
     def shed(self) -> None:
-        """Remove the oldest messages as long as they are gone.
+        """Remove gone messages from the head of the queue.
 
-        Mostly the oldest messages are lost, so hardly any gone message stays behind an older one.
+        Most lost messages are the oldest ones, so few gone messages remain behind a live one.
         """
         while self.back and self.back[0].gone:
             del self.back[0]
