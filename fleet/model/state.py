@@ -77,9 +77,10 @@ class EdgeState(msgspec.Struct, frozen=True, omit_defaults=True):
     Towards the cloud, ``waiting`` samples wait for a later tick, and ``queued`` messages wait to be sent:
     ``spooled`` durable ones, ``unheard`` of these because their topics have no subscriber, and QoS 0
     (``queued_bytes``). ``refused`` messages were refused in either direction, ``dropped`` ones lost.
-    ``round_trip`` is seconds to the cloud and back. ``groups`` and ``places`` are those of its fleet.yaml.
-    ``pair`` is its role in its pair (holder, standby or fenced), ``epoch`` that of its lease, ``pair_file``
-    the digest of the settings that must be the same in both files.
+    ``round_trip`` is seconds to the cloud and back. ``problems`` are those of the edge's own services (bus,
+    disk, ...) without the cloud, as text. ``groups`` and ``places`` are those of its fleet.yaml. ``pair`` is
+    its role in its pair (holder, standby or fenced), ``epoch`` that of its lease, ``pair_file`` the digest of
+    the settings that must be the same in both files.
     """
 
     edge: str
@@ -108,3 +109,4 @@ class EdgeState(msgspec.Struct, frozen=True, omit_defaults=True):
     pair: str = ""
     epoch: int = 0
     pair_file: str = ""
+    problems: list[str] = []

@@ -120,7 +120,7 @@ class SpoolDisk:
             self._close_store()
             self._report_failure(error)
             with self._queue_lock:
-                self._queue.no_disk()
+                self._queue.disk.no_disk()
             self._more()
             return False
         if store.aside is not None:
@@ -131,10 +131,10 @@ class SpoolDisk:
         """Load the messages and losses of an earlier process."""
         left, losses = store.left(), store.losses()
         with self._queue_lock:
-            self._queue.failing = False
+            self._queue.disk.failing = False
             self._queue.losses.add(losses)
             for each in left:
-                self._queue.found(each.topic, each.traffic, each.count, each.oldest, each.newest)
+                self._queue.disk.found(each.topic, each.traffic, each.count, each.oldest, each.newest)
         if self._queue.waiting:
             log.info("%d messages are left from an earlier run", self._queue.waiting)
 
@@ -146,14 +146,14 @@ class SpoolDisk:
 
     def _has_work(self) -> bool:
         """Return whether there is work."""
-        return self._queue.unwritten or self._queue.needs_fetch
+        return self._queue.disk.unwritten or self._queue.disk.needs_fetch
 
     def _run(self) -> None:
         """Run the thread."""
         while not self._closing.is_set():
             self._wake.wait(EXPIRE_EVERY)
             self._wake.clear()
-            if self._queue.online and not self._queue.needs_fetch:
+            if self._queue.online and not self._queue.disk.needs_fetch:
                 self._closing.wait(TICK)
             if not self._step():
                 self._closing.wait(RETRY)
@@ -183,14 +183,14 @@ class SpoolDisk:
         """Adjust expiries to a step of the wall clock, as after a start without network time."""
         stepped = self._clock.time() - self._clock.monotonic() - self._offset
         if abs(stepped) >= STEPPED:
-            store.postpone(stepped, after=self._queue.before)
+            store.postpone(stepped, after=self._queue.disk.before)
             self._offset += stepped
             log.info("the clock was set by %.0f s: stored messages keep their age", stepped)
 
     def _write(self, store: SpoolFile) -> None:
         """Write and delete the due messages, after making room."""
         with self._queue_lock:
-            work = self._queue.work(self._clock.monotonic())
+            work = self._queue.disk.work(self._clock.monotonic())
             losses = self._queue.losses.known() if self._queue.losses.changed else None
             self._queue.losses.changed = False
         if not (work.rows or work.done or losses is not None):
@@ -202,11 +202,11 @@ class SpoolDisk:
             self._change(store, work, losses)
         except sqlite3.Error:
             with self._queue_lock:
-                self._queue.not_written(work)
+                self._queue.disk.not_written(work)
                 self._queue.losses.changed = True
             raise
         with self._queue_lock:
-            self._queue.wrote(work)
+            self._queue.disk.wrote(work)
         self._dirty = True
         if self.problem:
             log.info("the spool can be written again")
@@ -223,7 +223,7 @@ class SpoolDisk:
     def _fetch(self, store: SpoolFile) -> None:
         """Fetch messages that will be sent soon."""
         with self._queue_lock:
-            fetches = self._queue.fetches()
+            fetches = self._queue.disk.fetches()
         for fetch in fetches:
             messages = store.fetch(fetch.topic, fetch.after, fetch.limit, fetch.traffic)
             now, wall = self._clock.monotonic(), self._clock.time()
@@ -232,7 +232,7 @@ class SpoolDisk:
                 left = min(message.expires - wall, longest[message.traffic])
                 message.since, message.deadline = now, now + left
             with self._queue_lock:
-                self._queue.fetched(fetch.topic, messages, more=len(messages) == fetch.limit)
+                self._queue.disk.fetched(fetch.topic, messages, more=len(messages) == fetch.limit)
         if fetches:
             self._more()
 
@@ -257,14 +257,14 @@ class SpoolDisk:
             by_topic[topic].append(seq)
         with self._queue_lock:
             for topic, seqs in by_topic.items():
-                self._queue.removed(topic, seqs, reason, self._clock.time())
+                self._queue.disk.removed(topic, seqs, reason, self._clock.time())
 
     def _abandon(self) -> None:
         """Give up a damaged file, to be set aside; messages in memory will go to a new one."""
         self._close_store()
         self._damaged = True
         with self._queue_lock:
-            self._queue.lost_disk(self._clock.time())
+            self._queue.disk.lost_disk(self._clock.time())
 
     def _report_failure(self, error: Exception) -> None:
         """Log and record that messages are kept in memory only."""
