@@ -27,36 +27,36 @@ class SpoolContents:
         self.losses = Losses()
         self.keeps_on_disk = keeps_on_disk
         self.memory = MemoryBuffer(messages, size)
-        self.lines = TopicQueues(self.memory)
+        self.queues = TopicQueues(self.memory)
         self.unwritten = UnwrittenMessages()
         self.deletions = PendingDeletions()
 
-    def add(self, line: TopicQueue, message: Outgoing) -> None:
+    def add(self, queue: TopicQueue, message: Outgoing) -> None:
         """Add a new message to the end of its topic; ``on_disk`` says that it will be on disk only."""
         self.waiting += 1
         self.memory.add(message)
         if message.on_disk:
-            line.cold_from = line.cold_from if line.on_disk else message.seq
-            line.on_disk += 1
+            queue.oldest_on_disk = queue.oldest_on_disk if queue.on_disk else message.seq
+            queue.on_disk += 1
             self.on_disk += 1
         else:
-            line.memory.append(message)
-            line.loaded = message.seq
+            queue.memory.append(message)
+            queue.loaded = message.seq
         if self.keeps_on_disk:
             self.unwritten.add(message)
-        self.lines.stand(line)
+        self.queues.reschedule(queue)
 
-    def take(self, line: TopicQueue, message: Outgoing) -> None:
+    def take(self, queue: TopicQueue, message: Outgoing) -> None:
         """Remove a message that is sent now; its row on disk stays until it is settled."""
         self.memory.remove(message)
         self.waiting -= 1
-        line.flying += 1
+        queue.in_flight += 1
 
-    def take_back(self, line: TopicQueue, message: Outgoing) -> None:
+    def take_back(self, queue: TopicQueue, message: Outgoing) -> None:
         """Return a message that was in flight to the head of its topic."""
         if message.gone:
             return
-        line.give_back(message)
+        queue.put_back(message)
         self.memory.add_again(message)
         self.waiting += 1
 
@@ -70,41 +70,41 @@ class SpoolContents:
 
     def lose(self, message: Outgoing, reason: Reason, wall: float) -> TopicQueue:
         """Drop a message that was in memory; return its queue, which may be empty now."""
-        line = self.lines[message.topic]
+        queue = self.queues[message.topic]
         self.memory.remove(message)
         self.forget(message)
         self.waiting -= 1
         if message.on_disk:
-            line.on_disk -= 1
+            queue.on_disk -= 1
             self.on_disk -= 1
-        line.shed()
+        queue.drop_gone()
         self.losses.note(message.topic, message.traffic, reason, wall)
-        return line
+        return queue
 
     # -- on disk only --------------------------------------------------------------------------------
 
-    def is_on_disk_alone(self, line: TopicQueue, seq: int) -> bool:
+    def is_on_disk_only(self, queue: TopicQueue, seq: int) -> bool:
         """Return whether a row found on disk is a waiting message that is on disk only."""
-        return seq > line.loaded and seq not in self.deletions and seq not in line.ahead
+        return seq > queue.loaded and seq not in self.deletions and seq not in queue.ahead
 
-    def load(self, line: TopicQueue, message: Outgoing) -> None:
+    def load(self, queue: TopicQueue, message: Outgoing) -> None:
         """Move a message that was on disk only into memory."""
         message.on_disk = False
-        line.memory.append(message)
-        line.loaded = line.cold_from = message.seq
-        line.on_disk -= 1
+        queue.memory.append(message)
+        queue.loaded = queue.oldest_on_disk = message.seq
+        queue.on_disk -= 1
         self.on_disk -= 1
 
     def load_unwritten(self, topics: Container[str]) -> None:
         """Move the messages of some topics into memory that never reached the disk."""
         for message in self.unwritten:
             if message.on_disk and not message.gone and message.topic in topics:
-                self.load(self.lines[message.topic], message)
+                self.load(self.queues[message.topic], message)
 
-    def lose_on_disk(self, line: TopicQueue, lost: int, reason: Reason, wall: float) -> None:
+    def lose_on_disk(self, queue: TopicQueue, lost: int, reason: Reason, wall: float) -> None:
         """Subtract lost messages that were on disk only."""
-        line.on_disk -= lost
+        queue.on_disk -= lost
         self.on_disk -= lost
         self.waiting -= lost
-        self.losses.note(line.topic, line.traffic, reason, wall, lost)
-        self.lines.stand(line)
+        self.losses.note(queue.topic, queue.traffic, reason, wall, lost)
+        self.queues.reschedule(queue)

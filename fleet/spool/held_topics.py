@@ -25,7 +25,7 @@ class HeldTopics:
 
     def unheard(self, queue: TopicQueue, now: float) -> None:
         """Hold a topic queue; the delay grows with each attempt, not with each message in flight."""
-        if queue.see(TopicEvent.UNHEARD):
+        if queue.transition(TopicEvent.UNHEARD):
             queue.retry = now + min(LONGEST_WAIT, FIRST_WAIT * 2**queue.unheard)
             queue.unheard = min(queue.unheard + 1, 8)
             self._queues[queue.topic] = queue
@@ -34,7 +34,7 @@ class HeldTopics:
         """Record that a topic has a subscriber; if it had none before, retry all held topics immediately."""
         if queue.state is OPEN:  # the common case
             return
-        queue.see(TopicEvent.HEARD)
+        queue.transition(TopicEvent.HEARD)
         if queue.unheard:
             queue.unheard = 0
             for other in self._queues.values():
@@ -45,7 +45,7 @@ class HeldTopics:
         due = [queue for queue in self._queues.values() if queue.retry <= now]
         for queue in due:
             del self._queues[queue.topic]
-            queue.see(TopicEvent.WAITED)
+            queue.transition(TopicEvent.WAITED)
         return due
 
     def forget(self, queue: TopicQueue) -> None:

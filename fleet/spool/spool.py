@@ -158,7 +158,9 @@ class Spool:
         with self._queue_lock:
             queue, disk = self._queue, self._disk
             lost = dict(queue.losses.counts)
-            return SpoolStatistics(queue.standing(), lost, queue.held, disk.used if disk else 0, self.problem)
+            return SpoolStatistics(
+                queue.statistics(), lost, queue.held, disk.used if disk else 0, self.problem
+            )
 
     def close(self) -> None:
         """Write everything and release the file; messages that are not on disk are dropped."""

@@ -53,5 +53,5 @@ def _add(queue: TopicQueue, to: ClassStatistics) -> None:
     to.on_disk += queue.on_disk
     to.memory += sum(len(message.payload) for message in in_memory)
     if in_memory or queue.on_disk:
-        first = (min(message.seq for message in in_memory) if in_memory else queue.cold_from) / SECOND
+        first = (min(message.seq for message in in_memory) if in_memory else queue.oldest_on_disk) / SECOND
         to.oldest = first if to.oldest is None else min(first, to.oldest)

@@ -57,9 +57,9 @@ class TopicQueue:
     """The messages of one topic: returned ones, those in memory, and the count of those only ``on_disk``.
 
     The messages counted by ``on_disk`` are on disk only, or are being written there. All of them follow
-    ``loaded``, the newest number ever in memory, and none is older than ``cold_from``. ``ahead`` has numbers
-    above ``loaded`` that were sent before the disk could be read, so they are not counted. ``flying``
-    messages are in flight. A held topic is retried at ``retry`` (monotonic s).
+    ``loaded``, the newest number ever in memory, and none is older than ``oldest_on_disk``. ``ahead`` has
+    numbers above ``loaded`` that were sent before the disk could be read, so they are not counted.
+    ``in_flight`` counts the unacknowledged messages. A held topic is retried at ``retry`` (monotonic s).
     """
 
     def __init__(self, topic: str, traffic: TrafficClass) -> None:
@@ -70,9 +70,9 @@ class TopicQueue:
         self.memory: deque[Outgoing] = deque()
         self.on_disk = 0
         self.loaded = 0
-        self.cold_from = 0
+        self.oldest_on_disk = 0
         self.ahead: frozenset[int] = frozenset()
-        self.flying = 0
+        self.in_flight = 0
         self.retry = 0.0
         self.unheard = 0  # attempts in a row
         self.queued = False  # it is in the ring of its class
@@ -82,12 +82,12 @@ class TopicQueue:
         """True when a message may be sent now."""
         if not (self.back or self.memory):
             return False
-        return self.state is OPEN or (self.state is PROBE and not self.flying)
+        return self.state is OPEN or (self.state is PROBE and not self.in_flight)
 
     @property
     def empty(self) -> bool:
         """True when no message of the topic is left."""
-        return not (self.back or self.memory or self.on_disk or self.flying)
+        return not (self.back or self.memory or self.on_disk or self.in_flight)
 
     @property
     def waiting(self) -> int:
@@ -101,17 +101,17 @@ class TopicQueue:
             return False
         return self.state is OPEN and self.traffic is not REPLY
 
-    def see(self, sign: TopicEvent) -> bool:
+    def transition(self, event: TopicEvent) -> bool:
         """Apply an event; return whether the state changed."""
         before = self.state
-        self.state = _NEXT.get((before, sign), before)
+        self.state = _NEXT.get((before, event), before)
         return self.state is not before
 
     def pop(self) -> Outgoing:
         """Remove and return the next message, the oldest."""
         return self.back.pop(0) if self.back else self.memory.popleft()
 
-    def shed(self) -> None:
+    def drop_gone(self) -> None:
         """Remove gone messages from the head of the queue.
 
         Most lost messages are the oldest ones, so few gone messages remain behind a live one.
@@ -121,7 +121,7 @@ class TopicQueue:
         while self.memory and self.memory[0].gone:
             self.memory.popleft()
 
-    def give_back(self, message: Outgoing) -> None:
+    def put_back(self, message: Outgoing) -> None:
         """Insert a message that was in flight before all newer ones."""
         message.again = True
         if not self.back or self.back[-1].seq < message.seq:

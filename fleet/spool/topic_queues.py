@@ -28,7 +28,7 @@ class TopicQueues(dict[str, TopicQueue]):
         self._memory = memory
         self.rings: list[deque[TopicQueue]] = [deque() for _ in DURABLE]
         self.needs_fetch: dict[str, TopicQueue] = {}
-        self.holds = HeldTopics()
+        self.held_topics = HeldTopics()
 
     def of(self, topic: str, traffic: TrafficClass) -> TopicQueue:
         """Return the queue of a topic; create it if there is none."""
@@ -37,7 +37,7 @@ class TopicQueues(dict[str, TopicQueue]):
             queue = self[topic] = TopicQueue(topic, traffic)
         return queue
 
-    def stand(self, queue: TopicQueue) -> None:
+    def reschedule(self, queue: TopicQueue) -> None:
         """Put a queue into the ring if it can send, and into ``needs_fetch`` if it runs low."""
         if not queue.queued and queue.sendable:
             queue.queued = True
@@ -53,7 +53,7 @@ class TopicQueues(dict[str, TopicQueue]):
             return  # the common case
         self.pop(queue.topic, None)
         self.needs_fetch.pop(queue.topic, None)
-        self.holds.forget(queue)
+        self.held_topics.forget(queue)
         if queue.queued:
             self.rings[queue.traffic].remove(queue)
             queue.queued = False
