@@ -16,13 +16,12 @@ from fleet_mavlink.flight import Flight
 from fleet_mavlink.messages import CommandLong, SysStatus
 from fleet_mavlink.preconditions import require_connection
 from fleet_mavlink.remote_id import trouble_of
-from fleet_mavlink.state import VehicleState
+from fleet_mavlink.state import Fix, VehicleState
 from fleet_mavlink.texts import WARNING, Sentence
 
 _SAID_FOR = 35.0  # s; ArduPilot repeats what is wrong every 30 s
 _REASONS = ("arm", "prearm", "preflight")  # with which an autopilot begins what keeps it from arming
-_FOUND, _REFUSED = "prearm: ", "arm: "  # ArduPilot's; its bit is up to 1 s behind its words
-_REFUSED_FOR = 10.0  # s that a refused arming counts: its log is opened only then, and looks fine 5 s later
+_FOUND, _REFUSED = "prearm: ", "arm: "  # how ArduPilot begins what its checks find, and why it does not arm
 _NEED_NOT_BE_TOLD = frozenset({"satellites", "battery"})
 _WORDS_WITHIN = 0.5  # s after the checks were asked for
 _BIT_WITHIN = 1.5  # s in which SYS_STATUS comes, once a second
@@ -52,12 +51,11 @@ def checks(
     """
     mode = flavour.mode_of(state)
     fix, troubles = state.fix_now(now), position_troubles(state, now)
-    satellites = "" if fix is None or fix.satellites is None else f", {fix.satellites} satellites"
     percent = state.battery.percent
     sentences = [said for said in sentences if said.severity <= WARNING]  # of what is switched off, too
     passed = state.prearm_ok and not _is_refused(sentences, asked, now)
     return [
-        Check("satellites", None if fix is None else True, (f"{fix.kind} fix{satellites}",) if fix else ()),
+        _satellites(state, fix, troubles),
         Check("home", state.home is not None),
         Check("position", flavour.position_usable(state, now), troubles),  # in the words of its health
         Check("autopilot's own checks", passed, reasons(sentences, now) if not passed else ()),
@@ -68,6 +66,14 @@ def checks(
         *_remote_id(state, now, wanted=needs_remote_id),
         Check("battery", None if percent is None else not state.failsafe, _percent_words(percent)),
     ]
+
+
+def _satellites(state: VehicleState, fix: Fix | None, troubles: tuple[str, ...]) -> Check:
+    """Look whether there is a fix; where there never was one the position may come from elsewhere."""
+    if fix is None:
+        return Check("satellites", False if state.had_fix else None, troubles[:1] if state.had_fix else ())
+    count = "" if fix.satellites is None else f", {fix.satellites} satellites"
+    return Check("satellites", True, (f"{fix.kind} fix{count}",))
 
 
 def _mode_words(mode: str, flavour: Flavour) -> str:
@@ -102,12 +108,17 @@ def reasons(sentences: Iterable[Sentence], now: float) -> tuple[str, ...]:
 
 
 def _is_refused(sentences: Iterable[Sentence], asked: float, now: float) -> bool:
-    """Return whether it says that it would not arm, whatever its bit shows; ``asked``: when it was asked."""
-    since = {_FOUND: asked, _REFUSED: now - _REFUSED_FOR}
+    """Return whether it says that it would not arm, whatever its bit shows, which is up to 1 s behind.
+
+    ``asked``: when it was asked to check itself. What it finds only when it is armed, as that its log does
+    not open, counts for a while: some seconds later its checks find nothing again.
+    """
+    said = [(each.text.lower(), each.at) for each in sentences]
+    found = {text.removeprefix(_FOUND) for text, _ in said if text.startswith(_FOUND)}
     return any(
-        said.at >= at and said.text.lower().startswith(begins)
-        for said in sentences
-        for begins, at in since.items()
+        (text.startswith(_FOUND) and at >= asked)
+        or (text.startswith(_REFUSED) and at >= now - _SAID_FOR and text.removeprefix(_REFUSED) not in found)
+        for text, at in said
     )
 
 

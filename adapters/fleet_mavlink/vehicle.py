@@ -89,16 +89,6 @@ class Vehicle:
         return flavour_of(self.state.heartbeat, self.state) if self.state.heartbeat else None
 
     @property
-    def holding(self) -> Brake | None:
-        """What brakes it best, None for what is not moved here; of one that is not heard little is known."""
-        state = self.state
-        if not self.connected:  # it is elsewhere, and may fly otherwise, by now
-            flies = 0 if state.vtol_state == 0 else None
-            state = msgspec.structs.replace(state, vtol_state=flies, position_at=-math.inf)
-        flavour = flavour_of(state.heartbeat, state) if state.heartbeat else None
-        return flavour.holding(state) if flavour else None
-
-    @property
     def what(self) -> str:
         """What it is, for people: its type and its autopilot."""
         beat = self.state.heartbeat
@@ -314,3 +304,16 @@ def _nothing() -> None:
 
 def _ignore(_said: object) -> None:
     """Do nothing."""
+
+
+def holding_of(vehicle: Vehicle) -> Brake | None:
+    """Return the best brake of a vehicle, None for one that is not moved here.
+
+    Of a vehicle that is not heard, position and flight state are not known: it may have moved since.
+    """
+    state = vehicle.state
+    if not vehicle.connected:
+        flies = 0 if state.vtol_state == 0 else None
+        state = msgspec.structs.replace(state, vtol_state=flies, position_at=-math.inf)
+    flavour = flavour_of(state.heartbeat, state) if state.heartbeat else None
+    return flavour.holding(state) if flavour else None

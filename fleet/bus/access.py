@@ -13,7 +13,7 @@ from typing import Literal
 import msgspec
 
 from fleet.bus import keys
-from fleet.config.endpoints import Role
+from fleet.config.endpoints import PERSONS, Role
 from fleet.model.permission import Permission
 
 PROGRAM_CHANNELS = (
@@ -108,12 +108,18 @@ _NO_FRAMES = _Rule(("put",), ("fleet/*/frames/*",), "deny", flow="egress")
 """The bytes on the links are for recorders only: a console, or a program on the edge's own computer."""
 
 
+_START_TOKEN = _Rule(("liveliness_token",), (keys.starting("*", "*"),))
+"""Shows that the requester of a common start is up."""
+
+
 def rules_of(role: Role, name: str, edge: str, access: Access) -> tuple[_Rule, ...]:
     """Return the rules of one identity on the bus of an edge, in addition to the common ones."""
     if role == "router":
         return (_Rule(_ALL, ("**",)),)
     if role == "console":
         return _console_rules(name, access.consoles.get(name, Permission.ADMIN))
+    if role in PERSONS:
+        return _person_rules(name, PERSONS[role])
     if role == "program":
         channels = (*PROGRAM_CHANNELS, *access.channels)
         return (
@@ -138,7 +144,7 @@ def rules_of(role: Role, name: str, edge: str, access: Access) -> tuple[_Rule, .
 def _console_rules(name: str, most: Permission) -> tuple[_Rule, ...]:
     """Return the rules of a console: keys with its own name, and no permission above ``most``.
 
-    One that may give every permission also runs the command line, which gives none.
+    A console that may give every permission also runs the command line, whose keys name no permission.
     """
     given = [each.word for each in Permission if each <= most]
     asked = [keys.as_console(key, word, name) for key in _CONSOLE_KEYS for word in given]
@@ -147,7 +153,22 @@ def _console_rules(name: str, most: Permission) -> tuple[_Rule, ...]:
     return (
         _Rule(("query",), ("fleet/*/history", *asked, *plain)),
         *watches,
-        *((_Rule(("liveliness_token",), ("fleet/*/starts/*",)),) if plain else ()),
+        *((_START_TOKEN,) if plain else ()),
+    )
+
+
+def _person_rules(name: str, permission: Permission) -> tuple[_Rule, ...]:
+    """Return the rules of a person: keys with the own name, on which the edge can answer with a reason.
+
+    Without the permission to operate, a person must not set the instant of a common start, which would move
+    the robots of others.
+    """
+    asked = [keys.as_person(key, name) for key in (*_CONSOLE_KEYS, keys.prepare("*", "*"))]
+    together = (_Rule(("query",), (keys.starts("*"),)), _START_TOKEN)
+    return (
+        _NO_FRAMES,
+        _Rule(("query",), ("fleet/*/history", *asked)),
+        *(together if permission >= Permission.OPERATE else ()),
     )
 
 
@@ -161,8 +182,9 @@ def _worker_rules(name: str, edge: str) -> tuple[_Rule, ...]:
         _Rule(_PUBLISH, (f"fleet/{edge}/frames/{name}",)),
         _Rule(("query",), (f"{robots}/video",)),
         _Rule(_ANSWER, (f"{robots}/command", f"{robots}/state", f"fleet/{edge}/stop", _REPORTS)),
-        _Rule(_ANSWER, (f"{robots}/command{keys.CONSOLE}", f"{robots}/description", f"fleet/{edge}/history")),
-        _Rule(_ANSWER, (f"{robots}/prepare", f"fleet/{edge}/starts", f"{own}/reload", f"{own}/hold")),
+        _Rule(_ANSWER, (f"{robots}/command{keys.ASKER}", f"{robots}/description", f"fleet/{edge}/history")),
+        _Rule(_ANSWER, (f"{robots}/prepare", f"{robots}/prepare{keys.ASKER}", f"fleet/{edge}/starts")),
+        _Rule(_ANSWER, (f"{own}/reload", f"{own}/hold")),
         _Rule((*_PUBLISH, *_ANSWER), ("cw/*/data/commands/**",), "deny"),
     )
 

@@ -33,21 +33,29 @@ key                                    what
 =====================================  ====================================================
 
 The queries of a console have the suffix ``/as/{permission}/{console}`` on the keys of commands, missions,
-runs and schedules: the permission of its person, and its own identity.
+runs and schedules: the permission of its person, and its own identity. Those of a person with a certificate
+have the suffix ``/as/person/{name}``, also on ``prepare``: the edge's fleet.yaml has the person's permission.
 """
 
 from __future__ import annotations
 
+from fleet.config.endpoints import PERSON
+
 LOCAL = "_local"
 """The identity of a console without a certificate; no common name begins so."""
 
-CONSOLE = "/as/*/*"
-"""Suffix of the keys of a console's queries: a permission, and the console."""
+ASKER = "/as/*/*"
+"""Suffix of the keys of queries for a person: a permission and a console, or the person."""
 
 
 def as_console(key: str, permission: str, console: str) -> str:
     """Return the key of a console's query for a person with this permission."""
     return f"{key}/as/{permission}/{console}"
+
+
+def as_person(key: str, name: str) -> str:
+    """Return the key of a query of a person with a certificate; the plain key without a name."""
+    return f"{key}/as/{PERSON}/{name}" if name else key
 
 
 def edge(edge_id: str) -> str:

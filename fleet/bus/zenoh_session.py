@@ -129,7 +129,7 @@ class ZenohSession:
             self._session = zenoh.open(_config(settings))
         except zenoh.ZError as error:
             raise BusError(f"the bus cannot be opened: {_first_line(error)}") from None
-        self.identity = LOCAL  # by which others know it: the name in its certificate, if it has one
+        self.identity, self.person = LOCAL, ""  # the name in its certificate; again, if it is a person's
         self._kept: list[object] = []
         self._threads: list[threading.Thread] = []
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import logging
-import math
 import socket
 import threading
 from collections.abc import Callable, Mapping
@@ -19,6 +18,7 @@ from fleet.cloud.inbound import HEAD, reader, recover_publish
 from fleet.cloud.keepalive import Keepalive, KeepaliveAction
 from fleet.cloud.mqtt_session import MqttSession, SessionEnded
 from fleet.cloud.packets import PacketFramer, encode
+from fleet.cloud.spaced_call import SpacedCall
 from fleet.cloud.values import PAYLOAD_LIMIT, CloudMessage, CloudSettings
 from fleet.errors import CloudError, WireError
 
@@ -31,8 +31,8 @@ MOST_READS = 64
 WRITE_SPACING = 0.002
 """Seconds between two writes of messages that may wait, such as status and events.
 
-Each write costs a system call, and its acknowledgements a wake-up. On a fast computer every message of a
-stream had its own write: at 10,000 messages/s that cost 64 us of processor time each instead of 26.
+Each write costs a system call, and a wake-up for its acknowledgements. On a fast computer every message of a
+stream would have its own write.
 """
 _LARGE_WRITE = 8 * 1024  # bytes from which the rest of the queue follows in the next iteration of the loop
 LONGEST_READ = 0.01
@@ -69,8 +69,9 @@ class MqttConnection:
     go to ``deliver`` immediately, in order. Afterwards the loop calls ``take``, again and again while that
     returns True.
 
-    ``ready`` is done when the broker has answered CONNECT and all subscriptions. ``ended`` holds the reason
-    (SessionRefused, SessionEnded or CloudError) once the connection is unusable.
+    ``spaced`` merges writes that may wait into one: ``spaced(flush)``. ``ready`` is done when the broker has
+    answered CONNECT and all subscriptions. ``ended`` holds the reason (SessionRefused, SessionEnded or
+    CloudError) once the connection is unusable.
     """
 
     def __init__(
@@ -95,21 +96,15 @@ class MqttConnection:
         self._take = take
         self._dispatch_again = _NextIterationCall(self._loop)  # the rest, after other work of the loop
         self._flush_again = _NextIterationCall(self._loop)
+        self.spaced = SpacedCall(self._loop, clock, WRITE_SPACING)
         self._framer = PacketFramer(reader(settings.protocol), PAYLOAD_LIMIT, head=HEAD)
         self._keepalive = Keepalive(settings.keepalive, clock.monotonic())
         self._lock = threading.Lock()  # guards all state shared by reading and writing
         self._failure: CloudError | None = None
-        self._wrote_at = -math.inf
-        self._write_is_planned = False
         self._reads = 0
         self._seen = -1
         self._stream = BrokerSocket(opened, self._readable, self._writable)
         self._write(session.connect())
-
-    @property
-    def write_is_planned(self) -> bool:
-        """True while a write is planned that takes all messages queued until then; on any thread."""
-        return self._write_is_planned
 
     @property
     def full(self) -> bool:
@@ -229,7 +224,7 @@ class MqttConnection:
             self._keepalive.interval = self._session.keepalive  # the broker's keepalive replaces ours
             self.ready.set_result(None)
             self.flush()
-        self.flush_soon()
+        self.spaced(self.flush)
 
     def resubscribe(self, subscriptions: Mapping[str, int]) -> None:
         """Replace the filters; on the loop."""
@@ -249,25 +244,9 @@ class MqttConnection:
             data = self._session.send(now)
             self._write(data)
         if data:
-            self._wrote_at = now
-            self._flush_again(self.flush if len(data) >= _LARGE_WRITE else self.flush_soon)
-
-    def flush_soon(self) -> None:
-        """Flush, but not within ``WRITE_SPACING`` of the last write; on the loop.
-
-        The first message after a pause is sent immediately; those of a stream share writes.
-        """
-        wait = self._wrote_at + WRITE_SPACING - self._clock.monotonic()
-        if wait <= 0:
-            self.flush()
-        elif not self._write_is_planned and self._session.busy():
-            self._write_is_planned = True
-            self._loop.call_later(wait, self._flush_as_planned)
-
-    def _flush_as_planned(self) -> None:
-        """Flush. The flag is cleared first, so that a message queued from now on plans the next write."""
-        self._write_is_planned = False
-        self.flush()
+            self.spaced.mark(now)
+            large = len(data) >= _LARGE_WRITE
+            self._flush_again(self.flush if large else lambda: self.spaced(self.flush))
 
     async def answered(self) -> None:
         """Wait until the connection is ready, or ends before."""

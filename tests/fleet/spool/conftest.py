@@ -153,7 +153,7 @@ class Bench:
             self.queue.disk.found(topic, rows[0].traffic, len(rows), min(seqs), max(seqs))
 
     def live(self, topic):
-        """Return what stands in memory of a topic, but what is cold."""
+        """Return what stands in memory of a topic, but what is on disk alone."""
         queue = self.queue._queues.get(topic)
         return [one for one in (*queue.back, *queue.memory) if not one.gone] if queue else []
 
