@@ -145,7 +145,7 @@ def _taken(state: Path) -> Iterator[None]:
         ) from None
     finally:
         for lock in locks:
-            lock.let_go()
+            lock.release()
 
 
 def _written(manifest: Manifest, contents: Mapping[str, bytes], state: Path) -> Path:

@@ -61,15 +61,13 @@ def run(
     options = ["--json"] * out.as_json + ["--no-color"] * (not out.color) + ["-v"] * verbose
     options += ["--watch"] * watch
     options += ["--log-format", log_format, *(["--log-file", log_file] if log_file else [])]
-    return _supervised(
-        ["fleet", "run-edge", *options, "--", file], farewell="fleet.bridge.disconnect_program"
-    )
+    return _supervised(["fleet", "run-edge", *options, "--", file], notice="fleet.bridge.disconnect_program")
 
 
-def _supervised(module: list[str], *, farewell: str = "") -> int:
+def _supervised(module: list[str], *, notice: str = "") -> int:
     """Run a module of ours with its arguments below a supervisor; return its exit code.
 
-    ``farewell``: the module that reports the death of the edge to the cloud.
+    ``notice``: the module that reports the death of the edge to the cloud.
     """
     # -P: a file in the user's folder must not be imported in place of our own modules.
     python = [sys.executable, "-P", "-m"]
@@ -78,8 +76,8 @@ def _supervised(module: list[str], *, farewell: str = "") -> int:
     return Supervisor(
         [*python, *module],
         path=socket_of(runtime_dir(), os.getpid()),
-        told=print_in_thread,
+        report=print_in_thread,
         clock=SystemClock(),
-        farewell=[*python, farewell] if farewell else (),
+        notice_command=[*python, notice] if notice else (),
         manager=ServiceManager.of_this_process(),
     ).run()

@@ -13,7 +13,7 @@ from fleet.errors import StateError, StateNewer
 from fleet.health.rollup import SeenEdge
 from fleet.runtime.decoding import decode_json
 from fleet.runtime.state_format import format_of, refuse_newer
-from fleet.spool.state_folder import locked, made, state_folder
+from fleet.spool.state_folder import create_folder, locked, state_folder
 
 Edges = dict[str, SeenEdge]
 
@@ -53,7 +53,7 @@ class SeenEdges:
 
     def _change(self, change: Callable[[Edges], Edges]) -> None:
         """Rewrite the file with a change to the list of this bus."""
-        made(self._path.parent)
+        create_folder(self._path.parent)
         with locked(self._path, within=LOCK_WITHIN):
             buses = self._buses()
             buses = {**buses, self._bus: change(buses.get(self._bus, {}))}

@@ -44,7 +44,7 @@ class EdgeConnections:
         self._view = view
         self._clock = clock
         self._edges = EdgeBuses(
-            task.edges, directory, clock, only=task.only, opened=self._opened, told=self._told
+            task.edges, directory, clock, only=task.only, opened=self._opened, changed=self._told
         )
         self.joined: Mapping[str, Bus] = self._edges.joined
         self.watched = WatchedReports(view, self.joined)

@@ -19,7 +19,7 @@ import msgspec
 from fleet.errors import FleetError
 from fleet.model.permission import Permission
 from fleet.runtime.decoding import decode_json
-from fleet.spool.state_folder import locked, made
+from fleet.spool.state_folder import create_folder, locked
 
 FILE = "console-people.json"
 LONGEST_NAME = 64
@@ -112,7 +112,7 @@ def write_people(path: Path, people: Iterable[Person]) -> None:
 
 def add_person(path: Path, person: Person) -> None:
     """Add a person; raises PeopleError, also for an existing name."""
-    made(path.parent)
+    create_folder(path.parent)
     with locked(path, within=LOCK_WITHIN):
         people = read_people(path)
         if person.name in people:
@@ -124,7 +124,7 @@ def add_person(path: Path, person: Person) -> None:
 
 def change_person(path: Path, name: str, *, permission: Word | None = None, password: str = "") -> None:
     """Give a person another permission or (hashed) password; raises PeopleError."""
-    made(path.parent)
+    create_folder(path.parent)
     with locked(path, within=LOCK_WITHIN):
         people = read_people(path)
         before = _named(people, name, path)
@@ -134,7 +134,7 @@ def change_person(path: Path, name: str, *, permission: Word | None = None, pass
 
 def remove_person(path: Path, name: str) -> None:
     """Remove a person; raises PeopleError."""
-    made(path.parent)
+    create_folder(path.parent)
     with locked(path, within=LOCK_WITHIN):
         people = read_people(path)
         _named(people, name, path)

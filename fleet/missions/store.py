@@ -29,7 +29,7 @@ from fleet.missions.program import Program
 from fleet.missions.state import Head, Member, Note, Part, RunOutcome
 from fleet.runtime.decoding import decode_json
 from fleet.spool.database import open_checked
-from fleet.spool.state_folder import locked, made
+from fleet.spool.state_folder import create_folder, locked
 
 log = logging.getLogger(__name__)
 
@@ -115,7 +115,7 @@ class Store:
         self._database: sqlite3.Connection | None = None
         self._thread = ThreadPoolExecutor(1, thread_name_prefix="fleet-missions")
         try:
-            made(folder)
+            create_folder(folder)
             with locked(self._path):
                 self._database, aside = open_checked(self._path, FORMATS, "FULL")
             if aside is not None:

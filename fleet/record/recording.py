@@ -52,7 +52,7 @@ async def record(
     """
     recorder = Recorder(Ring(Path(task.folder), task.bounds), clock)
     joined = _EdgeSubscriptions(recorder, clock)
-    edges = EdgeBuses(task.edges, directory, clock, only=task.only, opened=joined.opened, told=joined.told)
+    edges = EdgeBuses(task.edges, directory, clock, only=task.only, opened=joined.opened, changed=joined.told)
     joining = asyncio.create_task(edges.run(), name="edges")
     known: str | None = None
     try:

@@ -21,7 +21,7 @@ class CloudPresence:
 
     def leave_words(self) -> None:
         """Give the supervisor the messages that it publishes in the cloud when this process dies."""
-        self._supervised.leave_farewell(msgspec.json.encode(self._bridge.last_words()))
+        self._supervised.leave_notice(msgspec.json.encode(self._bridge.disconnect_plan()))
 
     def hold(self, twin: str, holder: str) -> None:
         """Leave a twin to another edge, which then speaks for it, or take it back."""

@@ -134,7 +134,7 @@ class Edge:
                 handlers=self.missions.workflows.handlers,
             )
             if self.bridge is not None:
-                self.missions.workflows.publish = self.bridge.voice.status
+                self.missions.workflows.publish = self.bridge.publisher.status
             self._presence = CloudPresence(self.bridge, self.process.supervised) if self.bridge else None
             if self._presence is not None:
                 self.process.holders.changed = self._presence.hold
@@ -155,7 +155,7 @@ class Edge:
         self._notifier = Notifier(config.notified, config.edge.id, clock)
         history = self.process.history
         self.schedules = EdgeSchedules(config, folder, self.missions.starter, self.process, self.states)
-        history.told = self.schedules.before(self._notifier.take)
+        history.on_event = self.schedules.before(self._notifier.take)
         self._pair = part_in_pair(loaded, gate, self.process, self.schedules.run)
         self._watches: DropInWatch | None = None
         self._loaded = loaded
@@ -199,13 +199,13 @@ class Edge:
             if self._metrics_port is not None:
                 self._metrics_port.serve()
             self._declare(ended)
-            cloud = self.bridge.voice.tell_end if self.bridge else None
+            cloud = self.bridge.publisher.publish_end if self.bridge else None
             tell_interrupted_commands(self.process, self.robots(), cloud)
             self._pair.begin()
             self.process.start()
             self._stop_inputs.start(self.process.watchdog.add)
             if self.bridge is not None:
-                self.process.scheduler.at_end(self.bridge.turn)
+                self.process.scheduler.at_end(self.bridge.tick)
                 self.bridge.start()
             self._workers.start()
             workers.append(asyncio.create_task(self._changes.begin(), name="changes"))
@@ -226,7 +226,7 @@ class Edge:
             await asyncio.gather(*workers, return_exceptions=True)
             await self._workers.ended()
             if self.bridge is not None:
-                for _ in self.bridge.turn():
+                for _ in self.bridge.tick():
                     pass
                 await asyncio.to_thread(self.bridge.close)
             if self.metrics is not None:

@@ -17,7 +17,7 @@ from fleet.config.difference import Outline
 from fleet.errors import StateError
 from fleet.runtime.decoding import decode_json
 from fleet.runtime.state_format import format_of, refuse_newer
-from fleet.spool.state_folder import made
+from fleet.spool.state_folder import create_folder
 from fleet.version import __version__
 
 log = logging.getLogger(__name__)
@@ -40,7 +40,7 @@ def keep(folder: Path, outline: Outline, stamp: float) -> None:
     """Write the running configuration; raises StateError. Blocks."""
     key = secrets.token_hex(16)
     kept = LastConfiguration(FORMAT, __version__, stamp, key, outline.digest(key.encode()))
-    path = made(folder) / FILE
+    path = create_folder(folder) / FILE
     new = path.with_suffix(".new")
     try:
         with os.fdopen(os.open(new, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o600), "wb") as file:

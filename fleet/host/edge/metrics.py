@@ -111,7 +111,7 @@ def _edge(state: EdgeState) -> Iterator[Metric]:
 def _outward(bridge: Bridge) -> Iterator[Metric]:
     """Yield the traffic from the bus to the cloud, by class."""
     uplink = bridge.uplink
-    sent = Counter(uplink.sent.by_class()) + Counter(bridge.voice.said.by_class())
+    sent = Counter(uplink.sent.by_class()) + Counter(bridge.publisher.published.by_class())
     counters: tuple[tuple[str, str, Mapping[str, int]], ...] = (
         ("received", "Samples of our twins that came from the bus.", uplink.received.by_class()),
         ("sent", "Messages handed to the cloud's connection.", sent),

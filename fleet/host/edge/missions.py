@@ -205,13 +205,13 @@ class Missions:
 
     def _hear_events(self) -> None:
         """Pass on events and reports of robots: from their hosts and from programs on the bus."""
-        tell_others = self._process.history.told
+        tell_others = self._process.history.on_event
 
         def told(robot: str, event: EventReport) -> None:
             tell_others(robot, event)
             self._event(robot, event.kind.value)
 
-        self._process.history.told = told
+        self._process.history.on_event = told
         for twin, name in self._robots.names.items():
             self._reported.join(name, twin, elsewhere=name in self._robots.elsewhere)
         self._reported.listen(self._process.bus.reports)

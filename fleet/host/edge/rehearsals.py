@@ -47,7 +47,7 @@ from fleet.model.command import Transport
 from fleet.model.geodesy import GeoOrigin
 from fleet.model.state import RobotState
 from fleet.runtime.decoding import decode_json
-from fleet.spool.state_folder import made
+from fleet.spool.state_folder import create_folder
 from fleet.version import __version__
 
 log = logging.getLogger(__name__)
@@ -302,7 +302,7 @@ def read_passes(path: Path) -> list[Passed]:
 
 def _write(path: Path, data: bytes) -> None:
     """Write the passes atomically, for this user only. Raises OSError."""
-    made(path.parent)
+    create_folder(path.parent)
     new = path.with_suffix(".new")
     file = os.open(new, os.O_WRONLY | os.O_CREAT | os.O_TRUNC | os.O_CLOEXEC, 0o600)
     with os.fdopen(file, "wb") as stream:

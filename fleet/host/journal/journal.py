@@ -27,7 +27,7 @@ from fleet.host.requests.receipt import Receipt
 from fleet.host.safety.dedup_cache import KEPT, DedupCache
 from fleet.model.command import Reply
 from fleet.spool.database import open_checked
-from fleet.spool.state_folder import JOURNAL, locked, made
+from fleet.spool.state_folder import JOURNAL, create_folder, locked
 
 log = logging.getLogger(__name__)
 
@@ -217,7 +217,7 @@ class Journal:
         database: sqlite3.Connection | None = None
         path = folder / JOURNAL
         try:
-            made(folder)
+            create_folder(folder)
             with locked(path):
                 database, aside = open_checked(path, FORMATS, "FULL")
                 if aside is not None:

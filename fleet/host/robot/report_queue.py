@@ -33,7 +33,7 @@ class BridgePort(Protocol):
     def open(self, key: str) -> object:
         """Return the outbound channel for a key; None where there is none."""
 
-    def cross(self, batch: Sequence[tuple[Any, Report]]) -> None:
+    def forward(self, batch: Sequence[tuple[Any, Report]]) -> None:
         """Forward reports, each with its outbound channel."""
 
     def arrived(self, key: str, sample: bytes) -> None:
@@ -190,7 +190,7 @@ class ReportQueue:
             if self._say(channel, report) and channel.way is not None
         ]
         if crossing and self.bridge:
-            self.bridge.cross(crossing)
+            self.bridge.forward(crossing)
 
     def _say(self, channel: _Channel, report: Report) -> bool:
         """Put a report on the bus if anyone subscribes; return whether it is valid."""

@@ -100,7 +100,7 @@ def test_the_state_of_an_edge_that_runs_is_not_touched(backup, tmp_path):
         with pytest.raises(BackupError, match="stop it first"):
             restored(backup, tmp_path / "yard-1", replace=True)
     finally:
-        edge.let_go()
+        edge.release()
     assert [path.name for path in tmp_path.iterdir()] == ["yard-1"]
 
 

@@ -180,7 +180,7 @@ def test_a_journal_that_cannot_be_read_is_set_aside_and_every_robot_is_stopped(t
 async def test_a_disk_that_fails_is_told_and_commands_go_on(tmp_path, clock, make_bench, asks):
     (tmp_path / "file").write_text("in the way")
     journal = Journal(tmp_path / "file", clock, tmp_path / "begun.main")
-    assert "cannot make" in journal.problem
+    assert "cannot create" in journal.problem
     bench = make_bench(journal=journal.robot("rex"))
     await ended(bench.ask(asks.command("land", id="r1")))
     assert bench.puppet.told == ["land"]
