@@ -26,6 +26,7 @@ WATCHDOG = 10  # s without a sign of the supervisor after which systemd kills it
 REALTIME = 40  # the priority that control loops of quadrupeds on CAN ask for
 HIDDEN = tuple(map(Path, ("/home", "/root", "/run/user", "/tmp", "/var/tmp")))  # noqa: S108 - what a service does not see
 FAMILIES = "AF_UNIX AF_INET AF_INET6 AF_NETLINK"  # of sockets: the bus, the cloud, and its view of networks
+_END = "kill -TERM $MAINPID && exec tail --pid=$MAINPID -s 0.1 -f /dev/null"  # fails where it is dead already
 _WORD = re.compile(r"[A-Za-z0-9_./:@+,=-]+")
 
 
@@ -138,9 +139,10 @@ def _unit(spec: ServiceSpec) -> list[str]:
 def _process(spec: ServiceSpec) -> list[str]:
     """Return how it is run, watched and ended.
 
-    The first process is the supervisor. Only it is signalled at first (mixed), so that it ends the edge and
-    the edge its robots and workers; what is left after TimeoutStopSec= is killed. An invalid fleet file (3)
-    waits for a person.
+    The first process is the supervisor. ExecStop= signals it alone and waits, so that it ends the edge and
+    the edge its robots and workers. When it dies or hangs, all others are asked to end (SIGTERM), and bring
+    their robots to a standstill: with KillMode=mixed systemd kills them in that moment (seen with systemd
+    252). What is left after TimeoutStopSec= is killed. An invalid fleet file (3) waits for a person.
     """
     which = ["--edge-id", spec.edge] if spec.of_a_pair else []
     command = [spec.python, "-P", "-m", "fleet", "run", *which, "--", spec.file]
@@ -148,14 +150,17 @@ def _process(spec: ServiceSpec) -> list[str]:
         "Type=notify",
         "NotifyAccess=main",
         f"ExecStart={command_line(command)}",
+        f"ExecStop=-/bin/sh -c '{_END}'",
         f"WatchdogSec={WATCHDOG}",
+        "WatchdogSignal=SIGTERM",
+        "TimeoutAbortSec=15",
         "Restart=always",
         "RestartSec=1",
         "RestartPreventExitStatus=3",
         "SuccessExitStatus=7 130 143",
         "TimeoutStartSec=120",
         "TimeoutStopSec=30",
-        "KillMode=mixed",
+        "KillMode=control-group",
         "OOMPolicy=continue",
         "OOMScoreAdjust=-500",
         "LimitNOFILE=65536",
