@@ -107,7 +107,7 @@ def _measure(what, words, relays, runtime):
 
 
 def _round(words, relays, runtime):
-    """Start all once; return the skew (s), None where nobody was started."""
+    """Start all once; return the skew (s), None where no robot was started."""
     for relay in relays:
         relay.seen.clear()
     command = [sys.executable, "-m", "fleet", *words]

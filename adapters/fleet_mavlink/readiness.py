@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import math
 from collections.abc import Iterable
 
 import msgspec
@@ -12,16 +13,18 @@ from fleet_mavlink.constants import Cmd
 from fleet_mavlink.failsafe_causes import position_troubles
 from fleet_mavlink.flavour import Flavour
 from fleet_mavlink.flight import Flight
-from fleet_mavlink.messages import CommandLong
+from fleet_mavlink.messages import CommandLong, SysStatus
 from fleet_mavlink.preconditions import require_connection
 from fleet_mavlink.remote_id import trouble_of
-from fleet_mavlink.state import VehicleState
-from fleet_mavlink.texts import Sentence
+from fleet_mavlink.state import Fix, VehicleState
+from fleet_mavlink.texts import WARNING, Sentence
 
 _SAID_FOR = 35.0  # s; ArduPilot repeats what is wrong every 30 s
 _REASONS = ("arm", "prearm", "preflight")  # with which an autopilot begins what keeps it from arming
+_FOUND, _REFUSED = "prearm: ", "arm: "  # how ArduPilot begins what its checks find, and why it does not arm
 _NEED_NOT_BE_TOLD = frozenset({"satellites", "battery"})
 _WORDS_WITHIN = 0.5  # s after the checks were asked for
+_BIT_WITHIN = 1.5  # s in which SYS_STATUS comes, once a second
 
 
 class Check(msgspec.Struct, frozen=True):
@@ -39,20 +42,24 @@ def checks(
     lost_to: str,
     now: float,
     *,
+    asked: float = math.inf,
     needs_remote_id: bool = False,
 ) -> list[Check]:
-    """Return the checks, in the order in which they become ok after power-on."""
+    """Return the checks, in the order in which they become ok after power-on.
+
+    ``asked``: when the autopilot was asked to check itself; what it says from then on is what it found.
+    """
     mode = flavour.mode_of(state)
     fix, troubles = state.fix_now(now), position_troubles(state, now)
-    satellites = "" if fix is None or fix.satellites is None else f", {fix.satellites} satellites"
     percent = state.battery.percent
+    sentences = [said for said in sentences if said.severity <= WARNING]  # of what is switched off, too
+    standing = _standing(sentences, asked, now)
+    passed = state.prearm_ok and not standing
     return [
-        Check("satellites", None if fix is None else True, (f"{fix.kind} fix{satellites}",) if fix else ()),
+        _satellites(state, fix, troubles),
         Check("home", state.home is not None),
         Check("position", flavour.position_usable(state, now), troubles),  # in the words of its health
-        Check(
-            "autopilot's own checks", state.prearm_ok, reasons(sentences, now) if not state.prearm_ok else ()
-        ),
+        Check("autopilot's own checks", passed, () if passed else standing or reasons(sentences, now)),
         Check("mode", True, (_mode_words(mode, flavour),)),
         Check("fail-safe", not state.failsafe),
         Check("control", not lost_to, (f"taken in {lost_to}",) if lost_to else ()),
@@ -60,6 +67,14 @@ def checks(
         *_remote_id(state, now, wanted=needs_remote_id),
         Check("battery", None if percent is None else not state.failsafe, _percent_words(percent)),
     ]
+
+
+def _satellites(state: VehicleState, fix: Fix | None, troubles: tuple[str, ...]) -> Check:
+    """Look whether there is a fix; where there never was one the position may come from elsewhere."""
+    if fix is None:
+        return Check("satellites", False if state.had_fix else None, troubles[:1] if state.had_fix else ())
+    count = "" if fix.satellites is None else f", {fix.satellites} satellites"
+    return Check("satellites", True, (f"{fix.kind} fix{count}",))
 
 
 def _mode_words(mode: str, flavour: Flavour) -> str:
@@ -93,6 +108,28 @@ def reasons(sentences: Iterable[Sentence], now: float) -> tuple[str, ...]:
     return tuple(dict.fromkeys(text for text in lately if text.lower().startswith(_REASONS)))
 
 
+def _standing(sentences: Iterable[Sentence], asked: float, now: float) -> tuple[str, ...]:
+    """Return what ArduPilot says against arming now, whatever its bit shows, which is up to 1 s behind.
+
+    ``asked``: when it was asked to check itself. What it finds only when it is armed, as that its log does
+    not open, counts for a while: some seconds later its checks find nothing again.
+    """
+    said = [(each.text, each.text.lower(), each.at) for each in sentences]
+    found = {text.removeprefix(_FOUND) for _, text, _ in said if text.startswith(_FOUND)}
+    return tuple(
+        dict.fromkeys(
+            words
+            for words, text, at in said
+            if (text.startswith(_FOUND) and at >= asked)
+            or (
+                text.startswith(_REFUSED)
+                and at >= now - _SAID_FOR
+                and text.removeprefix(_REFUSED) not in found
+            )
+        )
+    )
+
+
 def is_ready(found: Iterable[Check]) -> bool:
     """Return True when nothing prevents a take-off; satellites and battery may be unknown."""
     return all(check.ok or (check.ok is None and check.check in _NEED_NOT_BE_TOLD) for check in found)
@@ -104,12 +141,16 @@ async def look(flight: Flight) -> list[Check]:
     require_connection(vehicle)
     if vehicle.state.armed:
         raise Refused("it is armed: it was ready")
+    asked = vehicle.now()
     try:
         await flight.commander.ask(CommandLong(Cmd.RUN_PREARM_CHECKS), tries=1)
+        answered = vehicle.now()
         await asyncio.sleep(_WORDS_WITHIN)
+        await vehicle.until(lambda _: vehicle.seen_at.get(SysStatus, 0.0) > answered, _BIT_WITHIN)
     except CommandError:
-        pass  # an autopilot without the command sends its reasons unasked, only less often
-    now = vehicle.now()
+        asked = math.inf  # without the command it sends its reasons unasked, only less often
     lost_to = flight.authority.lost_to
     said, wanted = tuple(vehicle.sentences), vehicle.needs_remote_id
-    return checks(vehicle.state, flight.flavour, said, lost_to, now, needs_remote_id=wanted)
+    return checks(
+        vehicle.state, flight.flavour, said, lost_to, vehicle.now(), asked=asked, needs_remote_id=wanted
+    )

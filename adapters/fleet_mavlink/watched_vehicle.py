@@ -82,14 +82,14 @@ class WatchedVehicle:
     def _give_up(self, need: Need, message: Any, who: str) -> None:
         """Leave the vehicle to a station that commands it, or that arms it."""
         kind, state = self._vehicle.kind, self._vehicle.state
+        if need is Need.STOP:
+            self._halt()  # the station's own command may be one that this vehicle does not take
         if not isinstance(kind, Flavour):
             return
         if not state.armed:
             if arms(message):
                 self._authority.armed_by(who)
             return
-        if need is Need.STOP:
-            self._halt()  # the station's own command may be one that this vehicle does not take
         self._authority.taken_by(who, kind.mode_of(state))
 
     def _why_not(self, need: Need, frame: Frame, message: Any) -> str:

@@ -11,6 +11,7 @@ import contextlib
 import logging
 import threading
 from collections.abc import Callable, Mapping
+from functools import partial
 
 import msgspec
 
@@ -95,6 +96,7 @@ class CloudClient:
         self._connection: MqttConnection | None = None
         self._session: MqttSession | None = None
         self._flushing = False
+        self._gathering = False
         self._queued = False  # something was, for later, since the last ``flush_queued``
 
     def start(self) -> None:
@@ -179,7 +181,11 @@ class CloudClient:
         """Flush, if something was queued since; from another thread that costs more than a message."""
         if self._queued or self._outbox.waits:
             self._queued = False
-            self.flush()
+            connection = self._connection
+            planned = connection is not None and connection.spaced.planned
+            if not (planned or self._flushing or self._gathering):
+                self._gathering = True
+                self._soon(partial(self._flush_now, spaced=True))
 
     @property
     def full(self) -> bool:
@@ -200,14 +206,20 @@ class CloudClient:
             with contextlib.suppress(RuntimeError):  # closed, perhaps just now
                 (loop.call_soon if ours else loop.call_soon_threadsafe)(call)
                 return True
-        self._flushing = False
+        self._flushing = self._gathering = False
         return False
 
-    def _flush_now(self) -> None:
-        """Write. The mark falls first, so that a message queued from now on asks for the next write."""
-        self._flushing = False
-        if self._connection:
-            self._connection.flush()
+    def _flush_now(self, *, spaced: bool = False) -> None:
+        """Write; with ``spaced`` not right after the last write.
+
+        The mark falls first, so that a message queued from now on asks for the next write.
+        """
+        if spaced:
+            self._gathering = False
+        else:
+            self._flushing = False
+        if connection := self._connection:
+            connection.spaced(connection.flush) if spaced else connection.flush()
 
     async def _main(self) -> None:
         """Keep connected until told to stop, then leave in an orderly way."""

@@ -18,6 +18,7 @@ from fleet.cloud.inbound import HEAD, reader, recover_publish
 from fleet.cloud.keepalive import Keepalive, KeepaliveAction
 from fleet.cloud.mqtt_session import MqttSession, SessionEnded
 from fleet.cloud.packets import PacketFramer, encode
+from fleet.cloud.spaced_call import SpacedCall
 from fleet.cloud.values import PAYLOAD_LIMIT, CloudMessage, CloudSettings
 from fleet.errors import CloudError, WireError
 
@@ -27,6 +28,13 @@ TLS_ALERT = b"\x15\x03"  # how a server with TLS answers what is none (RFC 8446,
 TRY_TLS = "try tls: true"
 MOST_READS = 64
 """Reads of one look of the thread that stands by: the loop may want the connection back."""
+WRITE_SPACING = 0.002
+"""Seconds between two writes of messages that may wait, such as status and events.
+
+Each write costs a system call here, and a wake-up for its acknowledgements. On a fast computer every message
+of a stream had its own.
+"""
+_LARGE_WRITE = 8 * 1024  # bytes after which the rest of what waits follows in the next turn of the loop
 LONGEST_LOOK = 0.01
 """Seconds after which it reads no more: of small messages so many reads would take it some."""
 
@@ -62,6 +70,7 @@ class MqttConnection:
     brings is handed over by ``deliver`` there and then, in order, and the loop calls ``take`` afterwards,
     again and again while that returns True.
 
+    ``spaced`` makes writes that may wait share one: ``spaced(flush)``.
     ``ready`` is done when the broker has answered CONNECT and every subscription; ``ended`` holds the reason
     (SessionRefused, SessionEnded or CloudError) once the connection is of no more use.
     """
@@ -88,6 +97,7 @@ class MqttConnection:
         self._take = take
         self._take_on = _NextTurnCall(self._loop)  # the rest, others having had their turn
         self._go_on = _NextTurnCall(self._loop)
+        self.spaced = SpacedCall(self._loop, clock, WRITE_SPACING)
         self._arrivals = PacketFramer(reader(settings.protocol), PAYLOAD_LIMIT, head=HEAD)
         self._keepalive = Keepalive(settings.keepalive, clock.monotonic())
         self._lock = threading.Lock()  # of everything that reading and writing share
@@ -212,7 +222,8 @@ class MqttConnection:
         if self._session.ready and not self.ready.done():
             self._keepalive.interval = self._session.keepalive  # from now on the broker's own counts
             self.ready.set_result(None)
-        self.flush()
+            self.flush()
+        self.spaced(self.flush)
 
     def resubscribe(self, subscriptions: Mapping[str, int]) -> None:
         """Subscribe to other filters from now on; on the loop."""
@@ -227,11 +238,14 @@ class MqttConnection:
         """
         if self.ended.done() or self._stream.full:
             return
+        now = self._clock.monotonic()
         with self._lock:
-            data = self._session.send(self._clock.monotonic())
+            data = self._session.send(now)
             self._write(data)
         if data:
-            self._go_on(self.flush)
+            self.spaced.mark(now)
+            large = len(data) >= _LARGE_WRITE
+            self._go_on(self.flush if large else lambda: self.spaced(self.flush))
 
     async def answered(self) -> None:
         """Wait until the connection is ready, or ended before it was."""

@@ -1,7 +1,7 @@
-"""The engine of one run: events in, effects out. No bus, no disk, no clock of its own.
+"""The state machine of one mission run. It takes events and returns effects; it has no bus, disk or clock.
 
-``handle`` takes an event at a time of the run's clock and returns what is to be done. The caller records
-``changes`` before it carries out any of it: a part that was recorded is never begun again, whatever happens.
+``handle`` takes an event with its time on the run's clock and returns the effects. The caller saves
+``changes`` before it carries out any effect, so that a saved part is never begun twice.
 """
 
 from __future__ import annotations
@@ -10,6 +10,7 @@ from collections.abc import Callable, Iterable, Mapping
 
 from fleet.missions.ending import Ending
 from fleet.missions.facts import Seen
+from fleet.missions.pausing import Pausing
 from fleet.missions.program import Program
 from fleet.missions.run_robots import RunRobots
 from fleet.missions.state import (
@@ -22,12 +23,10 @@ from fleet.missions.state import (
     Facts,
     Head,
     Heard,
-    Hold,
     Left,
     Member,
     NotStarted,
     Occupied,
-    Occupy,
     Outcome,
     Part,
     Pause,
@@ -40,17 +39,14 @@ from fleet.missions.state import (
     Start,
     StopAll,
     Tick,
-    required,
 )
 from fleet.missions.steps import Steps
 
-PAUSABLE = frozenset({"goto", "path", "plan", "follow"})
-"""What leads a robot somewhere: it can be paused, and gone on with; any other command ends by itself."""
 RETRIED = frozenset({Outcome.FAILED, Outcome.REFUSED})
 
 
 class Engine:
-    """One run. ``head``, ``members`` and ``parts`` are its state, as they were recorded."""
+    """One mission run. ``head``, ``members`` and ``parts`` are its saved state."""
 
     def __init__(
         self,
@@ -67,6 +63,7 @@ class Engine:
         self.seen = Seen()
         self.ending = Ending(program, self.head, self.robots)
         self.steps = Steps(program, self.head, self.robots, self.seen, self.ending)
+        self.pausing = Pausing(program, self.head, self.robots, self.seen, self.steps)
         self._handlers: Mapping[type, Callable[..., None]] = {
             Start: self._start,
             Restarted: self._restarted,
@@ -80,8 +77,8 @@ class Engine:
             Heard: lambda event: self.seen.heard(event.robot, event.event, self._now),
             Left: self._left,
             Answer: self._answer,
-            Pause: self._pause,
-            Resume: self._resume,
+            Pause: self.pausing.pause,
+            Resume: self.pausing.resume,
             Abort: lambda event: self.ending.abort(f"aborted by {event.by or 'somebody'}", self._now),
             StopAll: self._stop_all,
         }
@@ -93,11 +90,11 @@ class Engine:
 
     @property
     def _now(self) -> float:
-        """The time of the event that is being handled."""
+        """The time of the current event."""
         return self.steps.losses.now
 
     def handle(self, event: Event, now: float) -> list[Effect]:
-        """Take an event; ``now`` is seconds of the run's clock. Returns what is to be done, in order."""
+        """Process an event at ``now``, in seconds of the run's clock; return its effects in order."""
         self.steps.losses.now = now
         if not self.over:
             self._handlers[type(event)](event)
@@ -105,19 +102,19 @@ class Engine:
         return effects
 
     def changes(self) -> list[Part | Member]:
-        """Return, once, what has changed of members and parts since it was asked last."""
+        """Return the members and parts that have changed since the last call."""
         touched, self.robots.touched = self.robots.touched, {}
         return list(touched.values())
 
     def _start(self, _event: Start) -> None:
-        """Begin with the first step, once its places are the run's own."""
+        """Begin with the first step, once the run has its places."""
         if self.head.phase is Phase.NEW and self.program.occupies:
             self.steps.occupy()
         elif self.head.phase is Phase.NEW:
             self.steps.go_on()
 
     def _occupied(self, event: Occupied) -> None:
-        """Begin, or note what the run waits for, or that it waited in vain."""
+        """Begin the run, or record what it waits for; fail it when the wait has timed out."""
         if self.head.phase is not Phase.OCCUPYING:
             return
         if event.late:
@@ -130,7 +127,7 @@ class Engine:
             self.steps.go_on()
 
     def _facts(self, event: Facts) -> None:
-        """Take what is seen of a robot; getting on gives it its time again."""
+        """Update what is known of a robot; progress extends the time limits of its active parts."""
         before = self.seen.take(event)
         if before is None or before.progress == event.progress or not event.progress:
             return
@@ -139,7 +136,7 @@ class Engine:
                 part.until = max(part.until, self._now + part.act.timeout)
 
     def _replied(self, event: Replied) -> None:
-        """Take what became of a part."""
+        """Process the outcome of a part."""
         part = self.robots.parts.get(event.identity)
         if part is None or not part.inflight or event.outcome is None:
             return
@@ -155,7 +152,7 @@ class Engine:
         self.steps.look()
 
     def _left(self, event: Left) -> None:
-        """Take note that a robot is not ours any more, and see whether the run can go on."""
+        """Record that a robot has left the run, and check whether the run can continue."""
         member = self.robots.members.get(event.robot)
         if member is None or not member.ours:
             return
@@ -164,65 +161,14 @@ class Engine:
         self.steps.look()
 
     def _stop_all(self, event: StopAll) -> None:
-        """End the run; what is not stopped yet is held, nothing is undone."""
+        """End the run; robots that are not stopped yet are halted, and nothing is undone."""
         for robot in event.robots:
             if robot in self.robots.members:
                 self.robots.lose(robot, Outcome.STOPPED, event.reason, self._now)
         self.ending.stopped(event.reason, self._now)
 
-    def _pause(self, event: Pause) -> None:
-        """Let robots hold, and note where they are left; all do where one of them does not go on."""
-        head = self.head
-        if event.robot:
-            self.robots.note(event.reason, event.robot, self.steps.name)
-        if head.phase not in (Phase.STEP, Phase.WAITING, Phase.ASKING):
-            return
-        head.paused_from, head.paused_at, head.phase = head.phase, self._now, Phase.PAUSED
-        why = f"The run stays paused for {event.robot}" if event.robot else ""
-        self.robots.note(why or f"{event.by or 'Somebody'} paused the run", step=self.steps.name)
-        for member in self.robots.within():
-            member.paused_at = self.seen.position(member.robot)
-            self.robots.touched[f"member {member.robot}"] = member
-        self._hold(resumes=False, without=event.robot)
-
-    def _hold(self, *, resumes: bool, without: str = "") -> None:
-        """Pause what leads robots somewhere, or let it go on."""
-        for part in self.robots.active("do"):
-            if part.act.verb in PAUSABLE and part.robot != without:
-                self.robots.effects.append(Hold(part, resumes))
-
-    def _resume(self, event: Resume, *, confirmed: bool = False) -> None:
-        """Go on with a run that was paused, unless something has changed that a person should know."""
-        head = self.head
-        if head.phase is not Phase.PAUSED:
-            return
-        asking = head.question is not None and head.question.about != "resume"
-        trouble = "" if confirmed or asking else self._change()
-        if trouble:
-            self.steps.losses.ask(f"{trouble}. Go on all the same?", "resume")
-            return
-        head.phase, paused = head.paused_from, self._now - head.paused_at
-        head.until += paused
-        head.question = head.question if asking else None
-        for part in self.robots.active():
-            part.until += paused
-            self.robots.touched[part.identity] = part
-        self.robots.note(f"{event.by or 'Somebody'} let the run go on", step=self.steps.name)
-        self._hold(resumes=True)
-        self._go_on_between()
-        self.steps.look()
-
-    def _change(self) -> str:
-        """Return what has changed since the pause; empty when nothing has."""
-        for member in self.robots.within():
-            trouble = self.seen.lacks(member.robot, required(self.program, self.head))
-            trouble = trouble or self.seen.moved(member.robot, member.paused_at)
-            if trouble:
-                return f"{member.robot}: {trouble}"
-        return ""
-
     def _answer(self, event: Answer) -> None:
-        """Take a person's answer; while the run is paused only to whether it may go on."""
+        """Apply a person's answer; a paused run only accepts the answer to its resume question."""
         question = self.head.question
         if question is None or question.id != event.question or not self._decidable(question):
             return
@@ -231,11 +177,11 @@ class Engine:
         self._decide(question, what, event.by)
 
     def _decidable(self, question: Question) -> bool:
-        """Return whether an answer, or its absence, is followed now: a paused run begins nothing."""
+        """Return whether an answer or a timeout takes effect now; a paused run begins nothing."""
         return self.head.phase is not Phase.PAUSED or question.about == "resume"
 
     def _decide(self, question: Question, what: str, by: str) -> None:
-        """Follow an answer, or its absence."""
+        """Apply an answer or the default of a timeout."""
         self.head.question = None
         if what == "abort":
             self.ending.abort(f"{question.text} abort" + (f" by {by}" if by else ""), self._now)
@@ -243,20 +189,20 @@ class Engine:
             self.steps.losses.fail(f"{question.text} no answer")
             self.steps.look()
         elif question.about == "resume":
-            self._resume(Resume(by), confirmed=True)
+            self.pausing.resume(Resume(by), confirmed=True)
         elif question.about == "robot":
             self.steps.again()
         else:
             self.steps.next()
 
     def _tick(self, _event: Tick) -> None:
-        """See what time has brought."""
+        """Process time limits: the deadline, the open question, parts and steps."""
         head, deadline = self.head, self.program.deadline
         if deadline is not None and self._now >= deadline:
             self.ending.fail(f"the deadline of {deadline:g} s is over", self._now)
         question = head.question
         if question is not None and self._now >= question.until and self._decidable(question):
-            self.robots.note(f"Nobody answered in time: {question.on_timeout}", step=self.steps.name)
+            self.robots.note(f"No answer in time: {question.on_timeout}", step=self.steps.name)
             self._decide(question, question.on_timeout, "")
         self._time_out()
         self.steps.time_passes()
@@ -264,7 +210,7 @@ class Engine:
         self.steps.look()
 
     def _time_out(self) -> None:
-        """Give up what is late; while the run is paused nothing of the mission is."""
+        """Time out late parts; while the run is paused, those of the mission are not timed out."""
         for part in self.robots.active():
             paused = self.head.phase is Phase.PAUSED and part.kind == "do"
             if self._now < part.until or paused or not part.inflight:
@@ -278,13 +224,15 @@ class Engine:
                 self.ending.ended(part, self._now)
 
     def _restarted(self, _event: Restarted) -> None:
-        """Take up a run of an earlier process: what was under way is unknown, and is not begun again."""
+        """Restore a run of an earlier process; interrupted parts are unknown and are not begun again."""
         cut_off = self.robots.active()
         for part in cut_off:
             seen = self.seen.words(part.robot)
             reason = f"the edge restarted meanwhile; seen: {seen}"
             self.robots.end(part, Outcome.UNKNOWN, reason, self._now)
-        self.robots.note("The edge restarted; what was under way is unknown", step=self.steps.name)
+        self.robots.note(
+            "The edge restarted; the outcome of active commands is unknown", step=self.steps.name
+        )
         if self.head.phase not in GOING_ON:
             self.ending.restarted(self._now)
             return
@@ -296,29 +244,22 @@ class Engine:
         elif within:
             self._ask_where_to_go_on()
         elif policy == "continue":
-            self._go_on_between()
+            self.pausing.go_on_between()
         elif self.head.question is None:
             self._pause_after_restart()
 
     def _ask_where_to_go_on(self) -> None:
-        """Hold everybody, and ask: nobody knows how far the step came."""
+        """Halt all robots and ask whether to continue: the progress within the step is unknown."""
         for member in self.robots.ours():
             self.robots.halt(self.steps.name, member.robot, self._now)
         self.head.phase = Phase.ASKING
         self.steps.losses.ask(
-            f"The edge restarted in step {self.steps.name}. Go on with the next step?", "restart"
+            f"The edge restarted in step {self.steps.name}. Continue with the next step?", "restart"
         )
 
     def _pause_after_restart(self) -> None:
-        """Ask whether to go on where it was: nothing was under way."""
-        if self.head.phase is not Phase.PAUSED:
-            self.head.paused_from, self.head.paused_at = self.head.phase, self._now
-            self.head.phase = Phase.PAUSED
-        self.steps.losses.ask(f"The edge restarted before step {self.steps.name} was over. Go on?", "resume")
-
-    def _go_on_between(self) -> None:
-        """Go on between two steps, or before the first."""
-        if self.head.phase is Phase.OCCUPYING:
-            self.robots.effects.append(Occupy())
-        elif self.head.phase in (Phase.NEW, Phase.FILLING, Phase.PREPARING):
-            self.steps.go_on()
+        """Ask whether to continue; nothing was in progress."""
+        self.pausing.begin()
+        self.steps.losses.ask(
+            f"The edge restarted before the end of step {self.steps.name}. Resume?", "resume"
+        )

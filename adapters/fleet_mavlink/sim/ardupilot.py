@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from typing import Any, ClassVar
 
@@ -27,6 +28,8 @@ _RELATIVE_FRAMES = frozenset({3, 6, 10, 11})
 _AMSL_FRAMES = frozenset({0, 5})
 _STOP = (0.0, 0.0, 0.0)
 _LANDED_DISARM = 2.0
+_CHECKS_EVERY = 1.0  # s; RUN_PREARM_CHECKS tells what it finds, and does not change the bit
+_LOG_REOPENS = 5.0  # s after it could not be opened
 _PREARM_EVERY = 30.0
 _PREARM_BIT, _GPS_BIT, _RC_BIT = 0x10000000, 0x20, 0x10000
 
@@ -57,6 +60,8 @@ class ArduPilot(Autopilot):
         super().__init__(boot, self.modes[self.first_mode])
         self._switch_read = False
         self._prearm_told_at = boot.at
+        self._checked_at, self._checks_pass = boot.at, False
+        self._log_failed_at = -math.inf
         self.failsafes = ArduPilotFailsafes(self)
         self.motors_stopped: Manoeuvre | None = None  # what goes on when the emergency stop is released
         self.paused: Manoeuvre | None = None  # what goes on after DO_PAUSE_CONTINUE
@@ -65,12 +70,12 @@ class ArduPilot(Autopilot):
 
     @property
     def _gps_found(self) -> bool:
-        return self.age(10.0)
+        return self.uptime.reached(10.0)
 
     @property
     def initialised(self) -> bool:
         """True after "ArduPilot Ready"."""
-        return self.age(2.45)
+        return self.uptime.reached(2.45)
 
     def refusals(self, *, force: bool) -> list[str]:
         """Return why the motors cannot be armed in this mode; force skips the checks after the start."""
@@ -89,15 +94,25 @@ class ArduPilot(Autopilot):
             found.append("Vehicle outside Polygon fence")
         if self.failsafes.radio_lost:
             found.append("Radio failsafe on")
-        if not self.age(23.5):
+        if self.time - self._log_failed_at < _LOG_REOPENS:
+            found.append("Logging failed")
+        if not self.uptime.reached(23.5):
             found.append("EKF3 still initialising")
         return found
 
+    def refusals_to_arm(self, *, force: bool) -> list[str]:
+        """Return why it does not arm now; its log is opened last, and only then."""
+        found = self.refusals(force=force)
+        if found or force or "log_fails" not in self.faults:
+            return found
+        self._log_failed_at = self.time
+        return ["Logging not started"]
+
     def sensors(self) -> tuple[int, int, int]:
         """Return the bits that were seen, with GPS and PREARM_CHECK as they are now."""
-        healthy = 0x4770FC0F | (_GPS_BIT if self.gps_fix else 0)
+        healthy = 0x4770FC0F | (_GPS_BIT if self.gps.fix else 0)
         healthy |= 0 if self.failsafes.radio_lost else _RC_BIT
-        if not self.refusals(force=False):
+        if self._checks_pass:
             healthy |= _PREARM_BIT
         return 0x5371FC2F, 0x5361FC2F if self.armed else 0x5261FC2F, healthy
 
@@ -178,8 +193,8 @@ class ArduPilot(Autopilot):
             dn, de, dd = turned(position, self.body.heading) if frame in _BODY_FRAMES else position
             return self.body.north + dn, self.body.east + de, self.body.down + dd
         if frame in _RELATIVE_FRAMES and self.home is not None:
-            return self.ned_of(x, y, z + self.home[2])
-        return self.ned_of(x, y, z) if frame in _AMSL_FRAMES else None
+            return self.frame.ned_of(x, y, z + self.home[2])
+        return self.frame.ned_of(x, y, z) if frame in _AMSL_FRAMES else None
 
     # by itself
 
@@ -198,8 +213,10 @@ class ArduPilot(Autopilot):
         self.battery.at_most(volts=self.params["SIM_BATT_VOLTAGE"])
 
     def supervise(self) -> None:
-        """Start up, tell why it is not ready, disarm by itself, watch the fail-safes."""
+        """Start up, check itself once a second, disarm by itself, watch the fail-safes."""
         self._start_up()
+        if self.time - self._checked_at >= _CHECKS_EVERY:
+            self._checked_at, self._checks_pass = self.time, not self.refusals(force=False)
         if self.armed:
             self.watch_idle()
         self.failsafes.watch()
@@ -212,10 +229,10 @@ class ArduPilot(Autopilot):
         if not self.initialised:
             return
         self.say_once(INFO, "ArduPilot Ready")
-        if not self._switch_read and self.age(2.6):
+        if not self._switch_read and self.uptime.reached(2.6):
             self._switch_read = True
             self.enter(self.modes[self.switched_mode])
-        if self.home is None and self.age(20.0) and self.gps_fix:
+        if self.home is None and self.uptime.reached(20.0) and self.gps.fix:
             self.say_once(INFO, "EKF3 IMU0 origin set")
             self.set_home()
         if self.has_position:

@@ -53,7 +53,7 @@ def _arm(pilot: ArduPilot, ask: CommandRequest) -> int:
         return _disarm(pilot, force=ask.p2 == FORCE)
     if pilot.armed:
         return ACCEPTED
-    refusals = pilot.refusals(force=ask.p2 in {FORCE, _SKIP_CHECKS})
+    refusals = pilot.refusals_to_arm(force=ask.p2 in {FORCE, _SKIP_CHECKS})
     for refusal in refusals:
         pilot.say(CRITICAL, f"Arm: {refusal}")
     if refusals:
@@ -132,7 +132,7 @@ def _reposition(pilot: ArduPilot, ask: CommandRequest) -> int:
         return DENIED
     if pilot.mode.name != "GUIDED" and not (whole(ask.p2) & 1 and pilot.change_mode(MODES["GUIDED"].custom)):
         return DENIED
-    place = pilot.ned_of(ask.latitude, ask.longitude, ask.altitude + above_home * pilot.home[2])
+    place = pilot.frame.ned_of(ask.latitude, ask.longitude, ask.altitude + above_home * pilot.home[2])
     if not pilot.flying or not all(map(math.isfinite, place)):
         return DENIED
     if pilot.outside_fence(place):

@@ -31,7 +31,7 @@ class PermittedRequests:
         if not question.suffix:
             return None
         try:
-            ask = robot.ask_of(kind, question.payload, way=way, request_id="")
+            ask = robot.requests.ask_of(kind, question.payload, way=way, request_id="")
         except WireError as error:
             if not self._refused(robot, question, Permission.OPERATE, kind):
                 return None

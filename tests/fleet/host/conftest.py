@@ -1,4 +1,4 @@
-"""A robot in memory, and a desk in front of it, with a clock that tests turn."""
+"""A robot in memory, and a controller in front of it, with a clock that tests turn."""
 
 import asyncio
 import contextlib
@@ -31,10 +31,12 @@ from fleet.model.command import Command, Origin, Reply, Setpoint, Transport
 from fleet.model.geometry import Quaternion, Vector3, Velocity
 from fleet.model.navigation import Goal, GoTo, Navigate, Progress
 from fleet.model.report import BatteryReport, PoseReport, TelemetryReport
+from fleet.plugins import registry
 from fleet.robot_config import Limits
 from fleet.testing.clock import ManualClock
 from fleet.testing.robot import RecordingRobot
 from fleet.testing.waiting import DEADLINE
+from tests.tools.shared_probe import SharedProbe
 
 TWIN = "6f0c9a1e-0000-4000-8000-000000000001"
 
@@ -118,7 +120,7 @@ class Puppet(Adapter[PuppetConfig]):
 
 
 class Bench:
-    """A desk with a puppet, and everything that came out of it."""
+    """A controller with a fake robot, and everything that came out of it."""
 
     def __init__(self, journal: RobotJournal | None = None, **config: Any) -> None:
         self.clock = ManualClock()
@@ -140,7 +142,7 @@ class Bench:
         self.controller.found()
 
     def ask(self, what: Any, *, waits: bool = False) -> list[Reply]:
-        """Ask the desk; the list fills with the answers."""
+        """Ask the controller; the list fills with the answers."""
         answers: list[Reply] = []
         self.controller.receive(what, Receipt(getattr(what, "name", "navigate"), answers.append, waits=waits))
         return answers
@@ -199,7 +201,7 @@ async def bench() -> Bench:
 async def make_bench() -> AsyncIterator[Callable[..., Bench]]:
     """Return the maker of benches. What one has begun goes on, though nobody names it any more, to the end.
 
-    A desk that is collected with an action under way has its tasks broken off in ways that no process knows.
+    A controller that is collected with an action under way has its tasks broken off as no process does it.
     """
     made: list[Bench] = []
 
@@ -347,11 +349,24 @@ class Yard:
         return Edge(load(self.file), directory=self.runtime, clock=SystemClock())
 
 
+@pytest.fixture(scope="session")
+def toy_probe(tmp_path_factory: pytest.TempPathFactory) -> Iterator[SharedProbe]:
+    """Ask one process about the toys of all yards."""
+    file = tmp_path_factory.mktemp("toy") / "toy.py"
+    file.write_text(TOY)
+    shared = SharedProbe(file)
+    yield shared
+    shared.end()
+
+
 @pytest.fixture
-def yard(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Callable[..., Yard]]:
+def yard(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, toy_probe: SharedProbe
+) -> Iterator[Callable[..., Yard]]:
     """Return the maker of a yard; the robots' further fields by name."""
     runtime = Path(tempfile.mkdtemp())
     monkeypatch.setenv("FLEET_RUNTIME_DIR", str(runtime))
+    monkeypatch.setattr(registry, "Probe", toy_probe.probe)
     yield lambda **robots: Yard(tmp_path, runtime, robots)
     shutil.rmtree(runtime, ignore_errors=True)  # a process that ends may remove its socket meanwhile
 

@@ -1,4 +1,4 @@
-"""A robot that drives and tells its pose is led by the host, through the desk's clamp and dead-man."""
+"""A robot that drives and tells its pose is led by the host, through the controller's clamp and dead-man."""
 
 import asyncio
 import math
@@ -62,7 +62,7 @@ class Cart(Adapter[CartConfig]):
 
 
 class World:
-    """A cart, its desk, and a loop that makes time pass without waiting."""
+    """A cart, its controller, and a loop that makes time pass without waiting."""
 
     def __init__(self, monkeypatch):
         self.clock = ManualClock()
@@ -212,7 +212,7 @@ async def test_once_a_lease_has_run_out_all_keys_are_up(world):
     world.ask(Setpoint(Velocity(yaw_rate=0.5), "turn_left", origin=TELE))
     world.clock.advance(0.2)
     assert world.controller.deadman.expire(world.clock.monotonic())
-    world.controller.lease_ran_out()
+    world.controller.motion.lease_ran_out()
     world.ask(Setpoint(Velocity(Vector3(x=0.3)), "move_forward", origin=TELE))
     assert world.cart.velocity == Velocity(Vector3(x=0.3))
 

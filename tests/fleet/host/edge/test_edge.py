@@ -105,7 +105,7 @@ async def test_an_emergency_stop_reaches_every_robot_though_the_halt_of_one_rais
     def refuse():
         raise ZeroDivisionError("oops")
 
-    edge.process.robots["rex"].controller._adapter.halt = refuse
+    edge.process.robots["rex"].controller.attached.adapter.halt = refuse
     bus_session.put(keys.stop(place.id), b"", urgent=True)
     await asks.until(lambda: "stop" in place.words("max") and "stop" in place.words("rex"))
     assert all(state.emergency_stop for state in edge.states())
@@ -114,7 +114,7 @@ async def test_an_emergency_stop_reaches_every_robot_though_the_halt_of_one_rais
 async def test_an_emergency_stop_is_written_while_the_loop_is_stuck(served, asks):
     place, edge, bus_session = served
     halted = threading.Event()
-    edge.process.robots["rex"].controller._adapter.halt = halted.set
+    edge.process.robots["rex"].controller.attached.adapter.halt = halted.set
     threading.Timer(0.1, bus_session.put, (keys.stop(place.id), b""), {"urgent": True}).start()
     assert halted.wait(20)  # this blocks the loop
     await asks.until(lambda: edge.process.robots["rex"].controller.latched)

@@ -1,4 +1,4 @@
-"""The wall around one robot, with adapters that fail in every way."""
+"""The exception barrier around one robot, with adapters that fail in every way."""
 
 import asyncio
 import itertools
@@ -44,8 +44,9 @@ class Stage:
             changed=lambda: None,
             told=self.levels.append,
         )
-        bench.controller._crashed = bench.controller._driving._crashed = self.runner.crashed
-        bench.controller._executor._crashed = self.runner.crashed
+        motion = bench.controller.motion
+        motion._crashed = motion.driving._crashed = self.runner.crashed
+        motion.executor._crashed = self.runner.crashed
         bench.controller.detach("")
 
     def make(self, robot):
