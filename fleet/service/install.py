@@ -124,7 +124,7 @@ def run_program(command: Sequence[str]) -> str:
         raise ServiceError(f"{' '.join(command)}: {error}") from None
     if told.returncode != 0:
         words = told.stderr.strip().splitlines() or [f"exit code {told.returncode}"]
-        raise ServiceError(f"{' '.join(command)}: {words[-1]}")
+        raise ServiceError(f"{' '.join(command)}: {' '.join(words[-2:])}")  # systemctl says what, then where
     return told.stdout
 
 

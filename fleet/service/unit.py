@@ -23,11 +23,13 @@ from fleet.service.devices import Devices, devices_of, unsafe_names
 USER = GROUP = "fleet"
 STATE = Path("/var/lib")  # StateDirectory= of systemd; the edges' folders are below fleet/ there
 CONFIG = Path("/etc/fleet")
-# s without a message of the supervisor, after which systemd kills it; edge and workers then end
+# s without a message of the supervisor, after which systemd asks it and all others to end
 WATCHDOG = 10
 REALTIME = 40  # highest real-time priority for control loops of quadrupeds on CAN
 HIDDEN = tuple(map(Path, ("/home", "/root", "/run/user", "/tmp", "/var/tmp")))  # noqa: S108 - hidden from a service
 FAMILIES = "AF_UNIX AF_INET AF_INET6 AF_NETLINK"  # of sockets: the bus, the cloud, and the list of networks
+# signals the supervisor and waits for its end; fails where it is dead already
+_END = "kill -TERM $MAINPID && exec tail --pid=$MAINPID -s 0.1 -f /dev/null"
 _WORD = re.compile(r"[A-Za-z0-9_./:@+,=-]+")
 
 
@@ -140,9 +142,10 @@ def _unit(spec: ServiceSpec) -> list[str]:
 def _process(spec: ServiceSpec) -> list[str]:
     """Return the lines for running, monitoring and stopping the process.
 
-    The first process is the supervisor. Only it is signalled at first (mixed), so that it ends the edge, and
-    the edge its robots and workers; remaining processes are killed after TimeoutStopSec=. An invalid fleet
-    file (3) waits for a person.
+    The first process is the supervisor. ExecStop= signals it alone and waits, so that it ends the edge, and
+    the edge its robots and workers. If it dies or hangs, all others get SIGTERM, and bring their robots to a
+    standstill; with KillMode=mixed systemd kills them at once (seen with systemd 252). Processes that remain
+    are killed after TimeoutStopSec=. An invalid fleet file (3) waits for a person.
     """
     which = ["--edge-id", spec.edge] if spec.of_a_pair else []
     command = [spec.python, "-P", "-m", "fleet", "run", *which, "--", spec.file]
@@ -150,14 +153,17 @@ def _process(spec: ServiceSpec) -> list[str]:
         "Type=notify",
         "NotifyAccess=main",
         f"ExecStart={command_line(command)}",
+        f"ExecStop=-/bin/sh -c '{_END}'",
         f"WatchdogSec={WATCHDOG}",
+        "WatchdogSignal=SIGTERM",
+        "TimeoutAbortSec=15",
         "Restart=always",
         "RestartSec=1",
         "RestartPreventExitStatus=3",
         "SuccessExitStatus=7 130 143",
         "TimeoutStartSec=120",
         "TimeoutStopSec=30",
-        "KillMode=mixed",
+        "KillMode=control-group",
         "OOMPolicy=continue",
         "OOMScoreAdjust=-500",
         "LimitNOFILE=65536",
