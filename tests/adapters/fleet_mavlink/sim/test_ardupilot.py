@@ -43,6 +43,7 @@ def test_readiness_takes_as_long_as_the_real_one_and_depends_on_the_mode(bench):
     assert "Arm: Need Position Estimate" in ap.texts
     assert not ap.pilot.sensors()[2] & 0x10000000
     ap.set_mode("STABILIZE")
+    ap.run(1.1)  # it checks itself once a second
     assert ap.pilot.sensors()[2] & 0x10000000
     ap.set_mode("GUIDED")
     ap.run(14)
