@@ -22,6 +22,7 @@ from fleet_mavlink.texts import WARNING, Sentence
 _SAID_FOR = 35.0  # s; ArduPilot repeats what is wrong every 30 s
 _REASONS = ("arm", "prearm", "preflight")  # with which an autopilot begins what keeps it from arming
 _FOUND, _REFUSED = "prearm: ", "arm: "  # how ArduPilot begins what its checks find, and why it does not arm
+_OF_THE_MODE = "mode not armable"  # with which it ends what is no reason: a take-off changes the mode first
 _NEED_NOT_BE_TOLD = frozenset({"satellites", "battery"})
 _WORDS_WITHIN = 0.5  # s after the checks were asked for
 _BIT_WITHIN = 1.5  # s in which SYS_STATUS comes, once a second
@@ -54,12 +55,14 @@ def checks(
     percent = state.battery.percent
     sentences = [said for said in sentences if said.severity <= WARNING]  # of what is switched off, too
     standing = _standing(sentences, asked, now)
-    passed = state.prearm_ok and not standing
+    against = tuple(each for each in standing if mode == flavour.arming or not each.endswith(_OF_THE_MODE))
+    is_told = any(each.lower().startswith(_FOUND) for each in standing)  # all that it found
+    passed = (is_told or state.prearm_ok) and not against
     return [
         _satellites(state, fix, troubles),
         Check("home", state.home is not None),
         Check("position", flavour.position_usable(state, now), troubles),  # in the words of its health
-        Check("autopilot's own checks", passed, () if passed else standing or reasons(sentences, now)),
+        Check("autopilot's own checks", passed, () if passed else against or reasons(sentences, now)),
         Check("mode", True, (_mode_words(mode, flavour),)),
         Check("fail-safe", not state.failsafe),
         Check("control", not lost_to, (f"taken in {lost_to}",) if lost_to else ()),

@@ -124,6 +124,24 @@ def test_a_refusal_that_the_checks_would_find_again_is_over_when_they_do_not(fly
     fly(main())
 
 
+@pytest.mark.parametrize("vehicle", ["multirotor", "vtol"])
+def test_a_mode_that_it_is_not_armed_in_is_left_by_a_takeoff(fly, sky, vehicle):
+    async def main():
+        async with sky("ardupilot", vehicle=vehicle, limits={"speed": 30.0}) as it:
+            await it.met()
+            await it.until(lambda: vehicle == "multirotor" or "Q_GUIDED_MODE" in it.state.settings)
+            if vehicle == "vtol":
+                await it.do("set_parameter", name="Q_GUIDED_MODE", value=1)
+            await it.do("takeoff", altitude=20.0)
+            await it.do("land")
+            await it.until(lambda: it.state.prearm_ok is False, within=3.0)
+            answer = await it.do("check_ready")
+            assert answer["ready"], failed(answer)
+            await it.do("takeoff", altitude=20.0)
+
+    fly(main())
+
+
 @both
 def test_what_has_just_lost_its_satellites_is_not_ready(fly, sky, flavour):
     async def main():
