@@ -1,4 +1,4 @@
-"""``fleet can``: a dog on the bench. ``jog`` enables one drive, ``check --move`` all; both ask first."""
+"""``fleet can``: tools for a robot on the bench. Only ``jog`` and ``check --move`` enable drives, and ask."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ def can(context: click.Context, *, as_json: bool) -> None:
 
 
 def _show(lines: list[str]) -> None:
-    """Write the result: a line each, or one JSON list."""
+    """Print the result: one line each, or one JSON list."""
     click.echo(json.dumps(lines, indent=2) if click.get_current_context().obj else "\n".join(lines))
 
 
@@ -93,7 +93,7 @@ def check_command(body: Path, buses: tuple[str, ...], *, move: bool) -> int:
 
 
 def _checked(dog: DogDescription, buses: Mapping[str, CanBus], *, move: bool) -> tuple[list[str], str]:
-    """Return what is wrong with a dog's drives and joints, and what is good when nothing is."""
+    """Return the problems of a robot's drives and joints, and the verdict if there are none."""
     told = BenchSession(dog, buses, SystemClock()).settle()
     found = problems(dog.all_joints, told) or at_rest(dog, tuple(each.angle for each in told))
     if found or not move:
@@ -148,7 +148,7 @@ def monitor_command(body: Path, buses: tuple[str, ...], seconds: float) -> int:
 @click.argument("capture", type=click.Path(dir_okay=False, path_type=Path))
 @click.option("--joint", "name", type=click.Choice(JOINTS), help="This joint; else the one farthest off.")
 def replay_command(body: Path, capture: Path, name: str | None) -> int:
-    """Tell what was on the buses before a fault: what was wanted, what was so, what the drives said."""
+    """Show the frames before a fault: targets, angles, and the state of each drive."""
     lines = list(Replay(_with_joints(body)).lines(read_capture(capture), name or ""))
     _show(lines or [f"{capture}: no frames"])
     return 0
@@ -224,7 +224,7 @@ def jog_command(body: Path, buses: tuple[str, ...], name: str, degrees: float, t
 
 
 def _with_joints(body: Path) -> DogDescription:
-    """Return a dog's description; raises ConfigError for a machine that walks by itself."""
+    """Return the description of a robot with joints; raises ConfigError for a self-walking machine."""
     dog = load_body(body)
     if isinstance(dog, SelfWalker):
         raise ConfigError(f"{body}: this machine walks by itself; it has no drives of ours")
@@ -232,7 +232,7 @@ def _with_joints(body: Path) -> DogDescription:
 
 
 def _urls(dog: AnyBody, given: tuple[str, ...]) -> dict[str, str]:
-    """Return the buses by name; raises LinkRefused when they are not those of the description."""
+    """Return the given buses by name; raises LinkRefused unless they are those of the description."""
     urls = {name: url for name, _, url in (text.partition("=") for text in given)}
     if set(urls) != set(dog.buses):
         raise LinkRefused(f"give --bus NAME=URL for each of {', '.join(dog.buses)}")

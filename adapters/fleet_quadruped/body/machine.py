@@ -1,4 +1,4 @@
-"""The body as a state machine: what it is doing, what it may be asked, and what its joints are to do."""
+"""State machine of the body: its mode, the accepted requests, and the targets of the joints."""
 
 from __future__ import annotations
 
@@ -30,39 +30,39 @@ from fleet_quadruped.safety.stages import POSED, UPRIGHT, Mode, Stage, Trip, for
 
 _ENABLE_TIME = 1.0  # s
 _SETTLE_TIME = 0.5  # s
-_LEANS_POSED = 0.25  # rad at which its joints are led no further: it holds, and leans no more
-_LEANS = 0.35  # rad at which a check ends: it is sent to half of that
+_LEANS_POSED = 0.25  # rad: tilt at which joint moves end and the posture is held
+_LEANS = 0.35  # rad: tilt at which a check ends; its moves tilt the trunk half as far
 _NOT_WALKED = POSED | {Mode.RISING}
-_LIES = frozenset({Mode.ENABLING, Mode.SETTLING})  # nothing is to be lowered, so nothing moves
+_LIES = frozenset({Mode.ENABLING, Mode.SETTLING})  # the legs carry no weight: a hard stop needs no targets
 
 
 class Wish(enum.Enum):
-    """What the drives are to do in a cycle."""
+    """State that the drives should have in a cycle."""
 
     REST = "rest"  # off
     ENABLE = "enable"
-    HOLD = "hold"  # go to the targets
-    DAMP = "damp"  # brake, or give way: a dog that lies
-    LOWER = "lower"  # give way slowly; the targets lead down drives that do not damp
+    HOLD = "hold"  # follow the targets
+    DAMP = "damp"  # brake or damp: a robot that lies
+    LOWER = "lower"  # lower the robot slowly; the targets move drives that cannot damp
     RESET = "reset"
 
 
 class Wanted(msgspec.Struct, frozen=True, gc=False):
-    """The outcome of one cycle."""
+    """Result of one cycle."""
 
     wish: Wish
     targets: Targets
 
 
 class BodyStateMachine:
-    """One dog's body. ``fault`` is the latched cause of the last hard stop, empty without one."""
+    """Body of one robot. ``fault``: latched cause of the last trip or failed start, empty without one."""
 
     def __init__(self, dog: DogDescription) -> None:
         self._dog = dog
         self.walker = Walker(dog)
         self.mode = Mode.OFF
         self.fault = ""
-        self._before = Mode.OFF  # the mode before this one
+        self._before = Mode.OFF  # previous mode
         self._after = Mode.RISING
         self._since = 0.0  # s in this mode
         self._motion: PostureMotion | None = None
@@ -70,12 +70,12 @@ class BodyStateMachine:
         self.recovery = Recovery(dog)
         self._reset = False
         self.posing: Posing | None = None  # in POSING and HELD
-        self.goal: Goal = ()  # where its joints are led now
+        self.goal: Goal = ()  # present joint targets
 
-    # -- being asked ---------------------------------------------------------------------------------
+    # -- requests -------------------------------------------------------------------------------------
 
     def ask(self, ask: BodyRequest, value: float, sense: Sense) -> str:
-        """Take something that is asked; return why not, empty when it is being done (or was already)."""
+        """Accept a request; return the reason of a refusal, empty if it is accepted or already met."""
         if self.mode in ALREADY.get(ask, ()):
             return ""
         if (ask, self.mode) in ENTERED:
@@ -96,7 +96,7 @@ class BodyStateMachine:
         return refused
 
     def trip(self, trip: Trip) -> None:
-        """Stop as hard as the trip says; a hard one is latched."""
+        """Apply a trip: enter the mode of its stage and latch its cause."""
         mode = forced(trip.stage, self.mode)
         if trip.stage is Stage.DAMP and (mode is not self.mode or not self.fault):
             self.fault = trip.cause
@@ -105,22 +105,22 @@ class BodyStateMachine:
             self._enter(mode)
 
     def halt(self) -> None:
-        """Hold the posture that it has; its joints are led no more until somebody asks for it."""
+        """Hold the present posture; joint moves are refused until they are requested again."""
         if self.mode is Mode.POSING:
             self.mode = Mode.HELD
-        if self.mode is Mode.ENABLING and self._after is Mode.POSING:  # it lies, and holds nothing yet
+        if self.mode is Mode.ENABLING and self._after is Mode.POSING:  # it lies, its drives are still off
             self._enter(Mode.OFF)
         if self.posing is not None:
             self.posing.leaves = False
 
     def lower(self) -> None:
-        """Let a dog down that was found held by its drives, and take the torque off."""
+        """Lower a robot that was found held by its drives, and take the torque off."""
         self._enter(Mode.DAMPED)
 
     def _change_posture(self, ask: BodyRequest) -> bool:
-        """Lead the joints of a dog that stands, or stand again as before, slowly; False in another mode.
+        """Start joint moves of a standing robot, or return to standing, slowly; False in another mode.
 
-        One whose joints were led while it lay stands up instead.
+        A robot whose joints were moved while it lay stands up instead.
         """
         if ask is BodyRequest.POSE and self.mode is Mode.STANDING:
             self._enter(Mode.POSING)
@@ -140,7 +140,7 @@ class BodyStateMachine:
         return ask is BodyRequest.POSE or posing is not None
 
     def _reset_faults(self) -> str:
-        if self._lowering is not None and self._lowering.stuck:  # a person holds the dog, and it lets go
+        if self._lowering is not None and self._lowering.stuck:  # a person holds the robot
             self._enter(Mode.OFF)
         if self.mode is not Mode.OFF:
             return f"it is {self.mode.value}; faults are reset when it is off"
@@ -151,7 +151,7 @@ class BodyStateMachine:
     # -- one cycle -----------------------------------------------------------------------------------
 
     def step(self, dt: float, sense: Sense, twist: Twist, waiting: str) -> Wanted:
-        """Return what the joints are to do; ``waiting`` names a drive that is not enabled, empty without."""
+        """Return the targets of a cycle; ``waiting`` names a drive that is not enabled, empty without one."""
         self._since += dt
         return self._STEPS[self.mode](self, dt, sense, twist, waiting)
 
@@ -188,7 +188,7 @@ class BodyStateMachine:
         return Wanted(Wish.HOLD, targets)
 
     def _posed(self, dt: float, sense: Sense, _twist: Twist, _waiting: str) -> Wanted:
-        """Hold a posture; it is led on while it is told where to."""
+        """Hold a posture; move joints towards their targets while there are any."""
         posing = self.posing = self.posing or Posing(self._dog, sense.angles, stands=False)
         base = Targets(posing.start, ZEROS, ZEROS)
         if posing.stands:
@@ -201,7 +201,7 @@ class BodyStateMachine:
         return Wanted(Wish.HOLD, targets)
 
     def _sitting(self, dt: float, sense: Sense, _twist: Twist, _waiting: str) -> Wanted:
-        if self._motion is None and self._before in _NOT_WALKED:  # the walker does not stand on these feet
+        if self._motion is None and self._before in _NOT_WALKED:  # the walker has no foot positions here
             self._motion = folding(self._dog, sense.angles, self._dog.poses.sit_time)
         if self._motion is None and self.walker.walking and self._since < self.walker.time_to_stand:
             return Wanted(Wish.HOLD, self.walker.step(dt, Twist(), sense))
@@ -217,7 +217,7 @@ class BodyStateMachine:
         return _nothing(Wish.DAMP)
 
     def _damped(self, dt: float, sense: Sense, _twist: Twist, _waiting: str) -> Wanted:
-        """Let the dog down; one that lay when it was stopped is only let go."""
+        """Lower the robot; one that lay on the ground at the stop is only damped."""
         if self._before in _LIES:
             if self._since > self._dog.safety.damp_time:
                 self._enter(Mode.OFF)
@@ -235,7 +235,7 @@ class BodyStateMachine:
         return Wanted(Wish.LOWER, targets)
 
     def _recovering(self, dt: float, sense: Sense, _twist: Twist, _waiting: str) -> Wanted:
-        """Rise when upright; else roll."""
+        """Rise if upright; else roll over."""
         motion = self._motion = self._motion or self.recovery.begin(sense.angles)
         targets = motion.step(dt)
         if not motion.done or sense.imu is None:

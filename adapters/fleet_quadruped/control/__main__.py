@@ -1,4 +1,4 @@
-"""``python -m fleet_quadruped.control PLAN``: the body controller as a process. Started by the adapter."""
+"""``python -m fleet_quadruped.control PLAN``: the body controller process, started by the adapter."""
 
 from __future__ import annotations
 
@@ -37,11 +37,11 @@ from fleet_quadruped.selfwalk.controller import SelfWalkController
 from fleet_quadruped.sim.simulated_machine import SimulatedMachine, on_buses
 
 _FOR_THE_PARENT = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGTSTP)
-"""What ends or freezes all of a terminal or a service: the parent tells us to leave, or its end does."""
+"""Signals sent to a whole terminal or service; this process ends when its parent dismisses it or dies."""
 
 
 class Memory:
-    """The shared memory as an exchange."""
+    """Exchange through the shared memory of the plan."""
 
     def __init__(self, plan: ControlPlan) -> None:
         self._orders = SharedValue(plan.order, Order)
@@ -52,12 +52,12 @@ class Memory:
         return self._orders.get()
 
     def put(self, state: DogState) -> None:
-        """Make this the newest state."""
+        """Publish a new state."""
         self._states.put(state)
 
 
 def main(arguments: list[str]) -> int:
-    """Run until told to leave; return the exit status."""
+    """Run until dismissed; return the exit status."""
     logging.basicConfig(level=logging.INFO, format="%(name)s: %(message)s", stream=sys.stderr)
     logging.getLogger("canopen").setLevel(logging.WARNING)
     logging.getLogger("can.interfaces.socketcand").setLevel(logging.ERROR)  # it warns of each split read
@@ -73,7 +73,7 @@ def main(arguments: list[str]) -> int:
 
 
 def _run(plan: ControlPlan, clock: Clock) -> None:
-    """Open the buses, configure the drives, say that it is ready, and run the cycles to their end."""
+    """Open the buses, configure the drives, announce readiness, and run the cycles to the end."""
     body = load_body(Path(plan.body))
     with contextlib.ExitStack() as stack:
         machine: SimulatedMachine | None = None
@@ -104,18 +104,18 @@ def _run(plan: ControlPlan, clock: Clock) -> None:
 
 
 def _relay(descriptor: int, stack: contextlib.ExitStack) -> FrameSender | None:
-    """Return what passes frames on to a recorder; None without a descriptor (-1)."""
+    """Return the sender of frames to a recorder; None without a descriptor (-1)."""
     if descriptor < 0:
         return None
     return FrameSender(stack.enter_context(socket.socket(fileno=descriptor)))
 
 
 def _nobody(_captured: Captured) -> None:
-    """Take a frame that is passed on to nobody."""
+    """Discard a frame: there is no relay."""
 
 
 def _begin(machine: SimulatedMachine, faults: dict[str, float]) -> None:
-    """Begin the faults of a simulated dog; raises LinkRefused for one that it does not have."""
+    """Activate the faults of a simulated robot; raises LinkRefused for an unknown one."""
     for name, value in faults.items():
         try:
             machine.fault(name, value)
@@ -125,7 +125,7 @@ def _begin(machine: SimulatedMachine, faults: dict[str, float]) -> None:
 
 @contextlib.contextmanager
 def _opened(name: str, url: str, body: AnyBody, clock: Clock) -> Iterator[OpenCanBus]:
-    """Open a bus for the time of a block."""
+    """Open a bus for the duration of a block."""
     described = body.buses[name]
     bus = OpenCanBus(name, url, described.bitrate, clock, described.data_bitrate)
     try:

@@ -1,4 +1,4 @@
-"""What the body wants, written to the drives within the limits."""
+"""Output of the body, written to the drives within the limits."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ from fleet_quadruped.safety.limits import JointLimits
 
 
 class TargetWriter:
-    """Writes to the drives of a dog.
+    """Writes targets to the drives.
 
-    ``last``: the angles that were written last, rad. ``clamped``: how many targets the limits changed.
+    ``last``: the last written angles, rad. ``clamped``: number of targets changed by the limits.
     """
 
     def __init__(self, dog: DogDescription, drives: JointDrive) -> None:
@@ -25,7 +25,7 @@ class TargetWriter:
         self._limits = JointLimits(dog.all_joints, dog.safety)
 
     def write(self, wanted: Wanted, joints: Joints, dt: float) -> None:
-        """Do what the body wants of the drives."""
+        """Write the output of one cycle to the drives."""
         match wanted.wish:
             case Wish.HOLD:
                 self._drives.write(self._limited(wanted.targets, joints.angles, dt))
@@ -51,6 +51,6 @@ class TargetWriter:
         return safe.targets
 
     def _known(self, joints: Joints) -> Twelve:
-        """Return where the joints are; one that is silent counts as where it was sent."""
+        """Return the joint angles; a silent joint counts as being at its last target."""
         told = zip(joints.angles, joints.ages, self.last, strict=True)
         return tuple([last if age > self._stale else angle for angle, age, last in told])

@@ -1,4 +1,4 @@
-"""The sections of a dog's description, as pydantic models: metres, radians, seconds, N m, kilograms."""
+"""Sections of a quadruped's description as pydantic models, in metres, radians, seconds, N m, kilograms."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ Share = Annotated[float, Field(ge=0, le=1)]
 
 
 def _rising(pair: tuple[float, float]) -> tuple[float, float]:
-    """Return a pair of limits; raises ValueError when the first is not the smaller."""
+    """Return a pair of limits; raises ValueError unless the first is smaller."""
     if pair[0] >= pair[1]:
         raise ValueError(f"the first of {list(pair)} must be the smaller one")
     return pair
@@ -23,20 +23,20 @@ Range = Annotated[tuple[float, float], AfterValidator(_rising)]
 
 
 class Section(BaseModel):
-    """The base of every section: frozen, unknown keys refused, numbers finite."""
+    """Base of all sections: frozen, unknown keys refused, numbers finite."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
 
 class Machine(Section):
-    """The dog as a whole."""
+    """The robot as a whole."""
 
     name: str = Field(pattern=r"^[a-z][a-z0-9_-]{0,62}$", description="Its name, in logs and faults.")
     mass: Positive = Field(description="Total mass, kg.")
 
 
 class Geometry(Section):
-    """Where the legs are and how long their links are."""
+    """Positions of the legs and lengths of their links."""
 
     hip_x: Positive = Field(description="Body centre to the abduction axes, forward, m.")
     hip_y: Positive = Field(description="Body centre to the abduction axes, sideways, m.")
@@ -56,7 +56,7 @@ class Bus(Section):
 
 
 class Temperature(Section):
-    """The maker's object that tells a drive's temperature: 16 bits with a sign."""
+    """Manufacturer-specific object with a drive's temperature: 16 bits, signed."""
 
     index: int = Field(ge=0x2000, le=0x9FFF, description="Index, like 0x2031.")
     sub: int = Field(0, ge=0, le=255, description="Subindex.")
@@ -64,12 +64,12 @@ class Temperature(Section):
 
     @property
     def entry(self) -> int:
-        """How it is mapped to a PDO."""
+        """Entry in a PDO mapping."""
         return self.index << 16 | self.sub << 8 | 16
 
 
 class Motor(Section):
-    """A motor of the MIT kind: what its frames can say, as its manual has it."""
+    """An MIT motor: the ranges and fields of its frames, from its manual."""
 
     angle: Positive = Field(description="Greatest angle of its frames, both ways, rad.")
     speed: Positive = Field(description="Greatest speed, rad/s.")
@@ -85,14 +85,14 @@ class Motor(Section):
 
 
 class Endpoints(Section):
-    """ODrive: the numbers of its parameters, from the flat_endpoints.json of its firmware's version."""
+    """ODrive: endpoint numbers of its parameters, from the flat_endpoints.json of its firmware version."""
 
     enable_watchdog: int = Field(ge=0, le=0xFFFF, description="axis0.config.enable_watchdog.")
     watchdog_timeout: int = Field(ge=0, le=0xFFFF, description="axis0.config.watchdog_timeout.")
 
 
 class Drive(Section):
-    """How the joint drives are spoken to."""
+    """Protocol and timing of the joint drives."""
 
     protocol: str = Field(description="cia402, mit, odrive, moteus, or one that a package brings.")
     profile: str = Field("", description="MIT: the motor, which fixes the ranges of its frames.")
@@ -112,7 +112,7 @@ class Drive(Section):
 
 
 class Actuator(Section):
-    """What the joints of one kind have in common. Limits are those of a left leg; abduction is mirrored."""
+    """Common properties of the joints of one kind. Limits are for a left leg; abduction is mirrored."""
 
     limits: Range = Field(description="Least and greatest angle, rad.")
     velocity: Positive = Field(description="Highest speed, rad/s.")
@@ -128,7 +128,7 @@ class Actuator(Section):
 
 
 class Wiring(Section):
-    """Where one joint's drive is and how it is mounted."""
+    """Bus, address and mounting of one joint's drive."""
 
     bus: str = Field(description="Name of its bus.")
     id: int = Field(ge=1, le=127, description="Node id, or motor id.")
@@ -137,7 +137,7 @@ class Wiring(Section):
 
 
 class Pace(Section):
-    """How fast it walks, and how suddenly."""
+    """Limits of velocity and acceleration."""
 
     speed: Positive = Field(0.8, description="Highest forward speed, m/s.")
     strafe: Positive = Field(0.3, description="Highest sideways speed, m/s.")
@@ -147,7 +147,7 @@ class Pace(Section):
 
 
 class Walk(Pace):
-    """The slow gait with three feet on the ground."""
+    """The slow gait, with three feet on the ground."""
 
     speed: Positive = Field(0.15, description="Highest forward speed, m/s.")
     strafe: Positive = Field(0.08, description="Highest sideways speed, m/s.")
@@ -161,7 +161,7 @@ class Walk(Pace):
 
 
 class Gait(Pace):
-    """How it walks."""
+    """Dimensions and timing of the trot; ``walk`` is the slow gait."""
 
     height: Positive = Field(0.27, description="Hip axes above the ground while standing, m.")
     lowest: Positive = Field(0.15, description="Lowest standing height, m.")
@@ -175,7 +175,7 @@ class Gait(Pace):
 
 
 class Pose(Section):
-    """The angles of a left leg; the right one is its mirror."""
+    """Angles of a left leg; the right leg mirrors them."""
 
     abad: float
     hip: float
@@ -193,7 +193,7 @@ class Poses(Section):
 
 
 class Sensor(Section):
-    """Values that come in CAN frames."""
+    """Values received in CAN frames."""
 
     bus: str = Field(description="Name of the bus.")
     frames: tuple[FrameMap, ...] = Field(min_length=1, description="Which frames, and what is in them.")
@@ -201,7 +201,7 @@ class Sensor(Section):
 
 
 class Battery(Sensor):
-    """The battery's own frames."""
+    """The battery's frames and thresholds."""
 
     timeout: Positive = Field(5.0, description="Silence after which the values are stale, s.")
     warn: float = Field(25, ge=0, le=100, description="Percent from which health is degraded.")
@@ -209,7 +209,7 @@ class Battery(Sensor):
 
 
 class Switch(Section):
-    """A lamp that two frames turn on and off."""
+    """A lamp, turned on and off by two frames."""
 
     bus: str
     id: int = Field(ge=0, le=0x7FF)
@@ -218,7 +218,7 @@ class Switch(Section):
 
 
 class Watch(Section):
-    """When it stops, whoever moves its legs."""
+    """Limits that apply to any quadruped, also a self-walking machine."""
 
     deadman: float = Field(0.5, ge=0.1, le=5, description="Seconds without an order until it stands still.")
     abandoned: float = Field(10.0, ge=1, le=600, description="Seconds without its host until it sits down.")
@@ -226,7 +226,7 @@ class Watch(Section):
 
 
 class Safety(Watch):
-    """When it stops, and how."""
+    """Limits and timing of safety stops."""
 
     following: float = Field(0.35, gt=0, le=1.5, description="Farthest from wanted to actual, rad.")
     following_time: float = Field(0.1, gt=0, le=1, description="Seconds it may be beyond that.")

@@ -1,4 +1,4 @@
-"""A machine that speaks frames of its maker's own: the section ``frames`` of its description."""
+"""Self-walking machine with proprietary frames: the section ``frames`` of its description."""
 
 from __future__ import annotations
 
@@ -26,14 +26,14 @@ def _height(frame: FrameMap) -> FrameMap:
 
 
 class FixedFrame(Section, Sealed):
-    """A frame whose data is always the same, but for a counter and a checksum."""
+    """A frame with constant data, except for a counter and a checksum."""
 
     id: int = Field(ge=0, le=0x1FFFFFFF, description="Identifier; beyond 7FFh it is an extended one.")
     data: str = Field(pattern=r"^([0-9a-fA-F]{2}){0,8}$", description="All of its data, hex.")
 
     @model_validator(mode="after")
     def _room(self) -> FixedFrame:
-        """Refuse data in the place of a counter or a checksum, or none at all."""
+        """Refuse data in the byte of a counter or checksum, or too few bytes for them."""
         data = bytes.fromhex(self.data)
         for place, name in self.seal_bytes.items():
             if data[place : place + 1] != b"\x00":
@@ -42,12 +42,12 @@ class FixedFrame(Section, Sealed):
 
     @property
     def frame(self) -> CanFrame:
-        """The frame itself."""
+        """The frame, without counter and checksum."""
         return CanFrame(self.id, bytes.fromhex(self.data))
 
 
 class Frames(Section):
-    """Which frame means what. A command is repeated until the state shows that it was taken."""
+    """Frames by meaning. A command is repeated until the state shows that it was accepted."""
 
     velocity: Annotated[FrameMap, AfterValidator(_axes)] = Field(description="Sent in every cycle.")
     start: tuple[FixedFrame, ...] = Field((), description="Sent once, when the bus has been opened.")
@@ -62,7 +62,7 @@ class Frames(Section):
 
     @model_validator(mode="after")
     def _alike(self) -> Frames:
-        """Refuse frames of one identifier that are sealed in different ways."""
+        """Refuse frames of one identifier with different counters or checksums."""
         seals: dict[int, tuple[object, object]] = {}
         for frame in self.outgoing:
             seal = frame.counter, frame.checksum
@@ -72,13 +72,13 @@ class Frames(Section):
 
     @property
     def outgoing(self) -> tuple[FrameMap | FixedFrame, ...]:
-        """All frames that go to the machine."""
+        """All frames sent to the machine."""
         named = [getattr(self, name) for name in (*COMMANDS, "height")]
         return (self.velocity, *self.start, *(frame for frame in named if frame is not None))
 
 
 def wire_of(frames: Frames) -> Wire:
-    """Return what goes over the wire."""
+    """Return the messages of the machine."""
     fixed: dict[str, FixedFrame | None] = {name: getattr(frames, name) for name in COMMANDS}
     height = frames.height
     return Wire(

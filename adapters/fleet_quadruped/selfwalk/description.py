@@ -1,4 +1,4 @@
-"""The description of a machine that walks by itself, checked when it is read."""
+"""Description of a self-walking machine, validated when it is read."""
 
 from __future__ import annotations
 
@@ -23,12 +23,12 @@ _MUST_BE = (Mode.OFF, Mode.STANDING)
 
 
 def _word(mode: object) -> object:
-    """Return a mode as it was meant: YAML reads a bare ``off`` as false."""
+    """Return a mode from YAML, where a bare ``off`` is read as false."""
     return "off" if mode is False else mode
 
 
 class SelfWalker(Section):
-    """Everything that is known of a machine that walks by itself."""
+    """Complete description of a self-walking machine."""
 
     robot: Machine
     buses: dict[str, Bus] = Field(min_length=1, max_length=1)
@@ -58,7 +58,7 @@ class SelfWalker(Section):
 
     @model_validator(mode="after")
     def _whole(self) -> SelfWalker:
-        """Refuse what cannot be walked with; every problem at once."""
+        """Refuse a description that the machine cannot walk with; the error has all problems."""
         if (self.frames is None) == (self.objects is None):
             raise ValueError("give either frames or objects")
         told = names_of(self.wire.state)
@@ -80,27 +80,27 @@ class SelfWalker(Section):
 
     @property
     def bus(self) -> str:
-        """The name of its bus."""
+        """Name of its bus."""
         return next(iter(self.buses))
 
     @property
     def dt(self) -> float:
-        """Seconds of one cycle."""
+        """Control cycle in s."""
         return 1.0 / self.cycle_hz
 
     @property
     def battery_timeout(self) -> float | None:
-        """Seconds for which a word of its battery counts; None when it has none."""
+        """Age (s) at which a battery measurement is stale; None without a battery."""
         return self.slow_timeout if "percent" in names_of(self.wire.slow) else None
 
     @property
     def leave_time(self) -> float:
-        """Seconds that it is given to sit down."""
+        """Time (s) for sitting down."""
         return _LEAVE
 
     @cached_property
     def wire(self) -> Wire:
-        """The frames that go to it and come from it."""
+        """Frames to and from the machine."""
         if self.objects is not None:
             return by_objects.wire_of(self.objects, self.silence)
         assert self.frames is not None
@@ -108,7 +108,7 @@ class SelfWalker(Section):
 
     @property
     def loads(self) -> dict[str, float]:
-        """How full its bus is, as a share."""
+        """Load of its bus, as a share."""
         wire = self.wire
         bits = sum(
             frame_bits(frame.length, extended=frame.id > STANDARD_ID)
@@ -118,7 +118,7 @@ class SelfWalker(Section):
         return {self.bus: bits * self.cycle_hz / self.buses[self.bus].bitrate}
 
     def sensors(self) -> tuple[Sensor, Sensor | None]:
-        """Return what it tells in every cycle, and what it tells now and then."""
+        """Return the fast values (each cycle) and the slow ones, if any."""
         state = Sensor(bus=self.bus, frames=self.wire.state, timeout=self.timeout)
         if not self.wire.slow:
             return state, None
@@ -126,5 +126,5 @@ class SelfWalker(Section):
 
 
 def names_of(frames: tuple[FrameMap, ...]) -> frozenset[str]:
-    """Return the values that frames tell."""
+    """Return the names of the values in these frames."""
     return frozenset(name for frame in frames for name in frame.fields)

@@ -1,4 +1,4 @@
-"""Frames to a machine that walks by itself, with the counters and checksums that it wants."""
+"""Sender of frames to a self-walking machine, with the required counters and checksums."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from fleet_quadruped.selfwalk.wire import AXES, Wire
 
 
 class FrameSender:
-    """Sends frames of a machine on its bus."""
+    """Sends frames to a machine on its bus."""
 
     def __init__(self, bus: CanBus, wire: Wire) -> None:
         self._bus = bus
@@ -18,7 +18,7 @@ class FrameSender:
         self._velocities = [(frame.id, FrameEncoder(frame)) for frame in wire.velocity]
 
     def put(self, frame: CanFrame) -> None:
-        """Put a frame on the bus, with its counter and checksum."""
+        """Send a frame, with its counter and checksum."""
         seal = self._seals.get(frame.id)
         self._bus.send(CanFrame(frame.id, seal.put(frame.data)) if seal else frame)
 

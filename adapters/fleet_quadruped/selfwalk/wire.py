@@ -1,4 +1,4 @@
-"""What goes over the wire to a machine that walks by itself, however it was described."""
+"""Messages to and from a self-walking machine, for either kind of description."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ AXES = ("x", "y", "turn")
 """A velocity: m/s forward, m/s left, rad/s counter-clockwise."""
 
 COMMANDS = ("stand_up", "sit_down", "emergency_stop", "recovery_stand", "reset_faults")
-"""What a machine is told with a frame that is always the same; the last two may be missing."""
+"""Commands with a constant frame; the last two are optional."""
 
 
 class Wire(NamedTuple):
-    """Frames out and in. ``alive`` goes before each velocity; ``node`` is a CANopen machine's id.
+    """Frames out and in. ``alive`` is sent before each velocity; ``node``: node id of a CANopen machine.
 
-    ``seals``: by the identifiers of frames that go out, the counters and checksums that they need.
+    ``seals``: counters and checksums of outgoing frames, by identifier.
     """
 
     velocity: tuple[FrameMap, ...]

@@ -1,4 +1,4 @@
-"""Faults of a simulated dog by name; a joint is told by its place in ``JOINTS``, 1 to 12."""
+"""Faults of a simulated robot by name; a joint is given by its number in ``JOINTS``, 1 to 12."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ WALKER_FAULTS: Mapping[str, str] = MappingProxyType(
         "runs": "any number: it walks at 0.5 m/s whatever it is asked",
     }
 )
-"""Faults of a machine that walks by itself."""
+"""Faults of a self-walking machine."""
 
 ALL_FAULTS: Mapping[str, str] = MappingProxyType({**WIRE_FAULTS, **DOG_FAULTS})
 
@@ -62,7 +62,7 @@ ON_DRIVE: Mapping[str, Callable[[AnyDrive], None]] = MappingProxyType(
         "abort": lambda drive: drive.refuse(),
     }
 )
-"""What a fault does to one drive, whatever its protocol."""
+"""Effect of a fault on one drive of any protocol."""
 
 ON_CIA402: Mapping[str, Callable[[SimDrive], None]] = MappingProxyType(
     {
@@ -71,4 +71,4 @@ ON_CIA402: Mapping[str, Callable[[SimDrive], None]] = MappingProxyType(
         "mode": lambda drive: drive.sdo.keep_mode(),
     }
 )
-"""What a fault does to one CiA 402 drive."""
+"""Effect of a fault on one CiA 402 drive."""

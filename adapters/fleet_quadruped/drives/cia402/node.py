@@ -1,4 +1,4 @@
-"""One CiA 402 drive as it was last heard: what its PDOs, emergencies and heartbeats say."""
+"""State of one CiA 402 drive from its PDOs, emergencies and heartbeats."""
 
 from __future__ import annotations
 
@@ -21,11 +21,11 @@ from fleet_quadruped.drives.group import HeardDrive
 
 @dataclass(slots=True)
 class Cia402Node(HeardDrive):
-    """One drive. ``half_cycle``: s; ``silence``: s without heartbeat after which it is not trusted.
+    """One drive. ``half_cycle``: s; ``silence``: s without a heartbeat until a fault.
 
-    ``scale``: degrees C of the drive's own unit; None where it tells no temperature.
-    ``feeds``: it takes a torque besides the target. ``nmt``: its state as the heartbeat says.
-    ``stopped_alone``: it missed our heartbeat, and may go on by the next control word.
+    ``scale``: degrees C of the drive's own unit; None without a temperature. ``feeds``: it accepts a torque
+    offset. ``nmt``: NMT state from its heartbeat. ``stopped_alone``: it missed our heartbeat, and may go on
+    with the next control word.
     """
 
     units: Units
@@ -42,13 +42,13 @@ class Cia402Node(HeardDrive):
     stopped_alone: bool = False
 
     def configured(self, *, feeds: bool) -> None:
-        """Begin anew with a drive that was configured and started."""
+        """Reset for a drive that was configured and started."""
         self.told_at, self.beat_at = NEVER, math.inf
         self.fault, self.restarted, self.nmt = "", False, OPERATIONAL
         self.feeds = feeds
 
     def power(self, now: float) -> tuple[Power, str]:
-        """Return what the drive is doing, and its fault."""
+        """Return the state of the drive, and its fault."""
         if self.told_at == NEVER:
             return Power.ABSENT, ""
         if self.restarted or self.answers.doubled or now - self.beat_at > self.silence:
@@ -63,7 +63,7 @@ class Cia402Node(HeardDrive):
         return POWER[self.state], self.fault
 
     def _distrust(self, now: float) -> str:
-        """Return why the drive is not to be trusted whatever its status word says."""
+        """Return why the status word of the drive cannot be relied on."""
         number = self.joint.id
         if self.restarted:
             return f"id {number} has restarted (boot-up, 700h); it is configured again after a reset"
@@ -72,13 +72,13 @@ class Cia402Node(HeardDrive):
         return f"no heartbeat (700h) from id {number} for {now - self.beat_at:.2f} s"
 
     def take_status(self, data: bytes, now: float) -> None:
-        """Take a TPDO1: status, angle, torque; the speed is what the angle has changed by."""
+        """Process a TPDO1: status, angle, torque; the speed is the difference of two angles."""
         told = self.units.unpack(data)
         if told is None:
             return
         status, angle, self.torque = told
         passed = now - self.told_at
-        # A late answer and the next come together, and were measured a cycle apart.
+        # A late answer arrives together with the next one; they were measured a cycle apart.
         if passed > self.half_cycle:
             self.speed = (angle - self.angle) / passed
         self.angle, self.told_at = angle, now
@@ -89,7 +89,7 @@ class Cia402Node(HeardDrive):
         self.answers.take(data)
 
     def take_slow(self, data: bytes, _now: float) -> None:
-        """Take a TPDO2: voltage, temperature, and the code of a fault that no emergency told of."""
+        """Process a TPDO2: voltage, temperature, and the code of a fault without an emergency."""
         slow = unpack_slow(data)
         if slow is None:
             return
@@ -100,14 +100,14 @@ class Cia402Node(HeardDrive):
             self.fault = self.fault or f"{meaning(slow.code)} (603Fh is {slow.code:04X}h)"
 
     def take_emergency(self, data: bytes, _now: float) -> None:
-        """Take an emergency."""
+        """Process an emergency."""
         told = unpack_emergency(data)
         if told is not None:
             self.fault = "" if told.cleared else told.text
             self.stopped_alone = told.code == OUR_SILENCE
 
     def take_heartbeat(self, data: bytes, now: float) -> None:
-        """Take a heartbeat; the boot-up after the first one tells of a restart."""
+        """Process a heartbeat; a boot-up after the first one means a restart."""
         state = data[0] & 0x7F if data else None
         if state == BOOT_UP and self.beat_at < math.inf:
             self.restarted = True
