@@ -1,4 +1,4 @@
-"""Numbers of the MAVLink specification that this adapter uses, by name."""
+"""Numbers of the MAVLink specification used in this adapter, by name."""
 
 from __future__ import annotations
 
@@ -7,15 +7,15 @@ import math
 from collections.abc import Mapping
 
 NAN = math.nan
-AUTOPILOT = 1  # the component that flies the vehicle
+AUTOPILOT = 1  # component id of the flight controller
 NO_AUTOPILOT = 8  # MAV_AUTOPILOT_INVALID: stations, cameras, gimbals
-CAMERAS = range(100, 106)  # components
+CAMERAS = range(100, 106)  # component ids
 CAMERA_TYPE = 30  # MAV_TYPE
 ARMED_FLAG = 0x80  # in the heartbeat's base_mode
-CUSTOM_MODE = 1.0  # param1 of DO_SET_MODE: the mode is the autopilot's own
-FORCE = 21196.0  # param2 of ARM_DISARM: without the checks
+CUSTOM_MODE = 1.0  # param1 of DO_SET_MODE: an autopilot-specific mode
+FORCE = 21196.0  # param2 of ARM_DISARM: skip the checks
 PREARM_OK = 0x1000_0000  # in the sensor health of SYS_STATUS
-RC_RECEIVER = 0x1_0000  # the same, and whether there is one
+RC_RECEIVER = 0x1_0000  # likewise, and in the sensors present
 
 
 class Cmd(enum.IntEnum):
@@ -118,12 +118,12 @@ FIX_TYPES: Mapping[int, str] = {
     8: "ppp",
 }
 ARDUPILOT, PX4 = 3, 12  # MAV_AUTOPILOT
-MULTIROTORS = (2, 3, 4, 13, 14, 15, 29, 35)  # MAV_TYPE: multirotors; other types are not flown
+MULTIROTORS = (2, 3, 4, 13, 14, 15, 29, 35)  # MAV_TYPE: multirotors
 VTOLS = range(19, 26)  # MAV_TYPE
 ROVERS = frozenset({10, 11})  # MAV_TYPE: rovers and boats
 ON_THE_SURFACE = frozenset({5, *ROVERS})  # MAV_TYPE: vehicles without a meaningful height above home
-VTOL_GOES_FORWARD = 1  # MAV_VTOL_STATE: it goes over to its wings
-VTOL_HOVERS = frozenset({2, 3})  # MAV_VTOL_STATE: it hovers, or is about to
+VTOL_GOES_FORWARD = 1  # MAV_VTOL_STATE: in transition to its wings
+VTOL_HOVERS = frozenset({2, 3})  # MAV_VTOL_STATE: in hover, or in transition to it
 VEHICLE_TYPES: Mapping[int, str] = {
     0: "generic",
     1: "fixed_wing",

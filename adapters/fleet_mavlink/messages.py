@@ -1,7 +1,7 @@
-"""The MAVLink messages this adapter reads and writes, as typed values; nothing else is decoded.
+"""MAVLink messages read and written by this adapter, as typed values; no others are decoded.
 
-Field names, units and scales are MAVLink's own (``common`` and ``ardupilotmega``): degrees times 1e7,
-millimetres, cm/s, NED. ``state`` turns them into the project's units.
+Field names, units and scales are those of MAVLink (``common`` and ``ardupilotmega``): degrees times 1e7,
+millimetres, cm/s, NED. ``state`` converts them to the project's units.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ import msgspec
 class MavlinkMessage(msgspec.Struct, frozen=True):
     """A MAVLink message; ``message_id`` is its number on the wire.
 
-    ``packing`` is how its fields are packed (``struct``), where that is not what the dialect says.
+    ``packing``: format of its fields (``struct``), if it differs from the dialect.
     """
 
     message_id: ClassVar[int]
@@ -22,7 +22,7 @@ class MavlinkMessage(msgspec.Struct, frozen=True):
 
 
 class Heartbeat(MavlinkMessage, frozen=True):
-    """HEARTBEAT: who is there, in which mode, armed or not."""
+    """HEARTBEAT: sender, mode, armed or not."""
 
     message_id: ClassVar[int] = 0
     type: int
@@ -34,7 +34,7 @@ class Heartbeat(MavlinkMessage, frozen=True):
 
 
 class SysStatus(MavlinkMessage, frozen=True):
-    """SYS_STATUS: sensor bits and the battery as the autopilot sums it up."""
+    """SYS_STATUS: sensor bits, and the autopilot's summary of the battery."""
 
     message_id: ClassVar[int] = 1
     onboard_control_sensors_health: int
@@ -45,14 +45,14 @@ class SysStatus(MavlinkMessage, frozen=True):
 
 
 class SystemTime(MavlinkMessage, frozen=True):
-    """SYSTEM_TIME: here only for the time since boot."""
+    """SYSTEM_TIME: used for the time since boot only."""
 
     message_id: ClassVar[int] = 2
     time_boot_ms: int
 
 
 class GpsRawInt(MavlinkMessage, frozen=True):
-    """GPS_RAW_INT: the satellite receiver's own fix."""
+    """GPS_RAW_INT: fix of the satellite receiver."""
 
     message_id: ClassVar[int] = 24
     fix_type: int
@@ -75,7 +75,7 @@ class Attitude(MavlinkMessage, frozen=True):
 
 
 class GlobalPositionInt(MavlinkMessage, frozen=True):
-    """GLOBAL_POSITION_INT: where the estimator thinks the vehicle is."""
+    """GLOBAL_POSITION_INT: position estimate."""
 
     message_id: ClassVar[int] = 33
     time_boot_ms: int
@@ -90,7 +90,7 @@ class GlobalPositionInt(MavlinkMessage, frozen=True):
 
 
 class MissionCurrent(MavlinkMessage, frozen=True):
-    """MISSION_CURRENT: which item of the stored mission is active; total 65535 unknown."""
+    """MISSION_CURRENT: active item of the stored mission; total 65535 unknown."""
 
     message_id: ClassVar[int] = 42
     seq: int
@@ -105,7 +105,7 @@ class MissionItemReached(MavlinkMessage, frozen=True):
 
 
 class RequestDataStream(MavlinkMessage, frozen=True):
-    """REQUEST_DATA_STREAM: the old way to ask for rates, which only ArduPilot still obeys."""
+    """REQUEST_DATA_STREAM: deprecated request for rates, which ArduPilot still accepts."""
 
     message_id: ClassVar[int] = 66
     target_system: int
@@ -116,7 +116,7 @@ class RequestDataStream(MavlinkMessage, frozen=True):
 
 
 class CommandInt(MavlinkMessage, frozen=True):
-    """COMMAND_INT: a command with a place; x and y in degrees times 1e7."""
+    """COMMAND_INT: a command with a position; x and y in degrees times 1e7."""
 
     message_id: ClassVar[int] = 75
     command: int
@@ -150,7 +150,7 @@ class CommandLong(MavlinkMessage, frozen=True):
 
 
 class CommandAck(MavlinkMessage, frozen=True):
-    """COMMAND_ACK: what the vehicle makes of a command; targets are 0 where it does not say."""
+    """COMMAND_ACK: the vehicle's result for a command; targets are 0 if it does not fill them in."""
 
     message_id: ClassVar[int] = 77
     command: int
@@ -162,7 +162,7 @@ class CommandAck(MavlinkMessage, frozen=True):
 
 
 class SetPositionTargetLocalNed(MavlinkMessage, frozen=True):
-    """SET_POSITION_TARGET_LOCAL_NED: the setpoint that is streamed; m/s and rad/s in NED."""
+    """SET_POSITION_TARGET_LOCAL_NED: velocity setpoint; m/s and rad/s in NED."""
 
     message_id: ClassVar[int] = 84
     target_system: int
@@ -177,7 +177,7 @@ class SetPositionTargetLocalNed(MavlinkMessage, frozen=True):
 
 
 class SetPositionTargetGlobalInt(MavlinkMessage, frozen=True):
-    """SET_POSITION_TARGET_GLOBAL_INT: a place to fly to; degrees times 1e7, m, yaw in radians from north."""
+    """SET_POSITION_TARGET_GLOBAL_INT: position target; degrees times 1e7, m, yaw in radians from north."""
 
     message_id: ClassVar[int] = 86
     target_system: int
@@ -191,7 +191,7 @@ class SetPositionTargetGlobalInt(MavlinkMessage, frozen=True):
 
 
 class PositionTargetGlobalInt(MavlinkMessage, frozen=True):
-    """POSITION_TARGET_GLOBAL_INT: the place that the autopilot flies to; degrees times 1e7, m AMSL."""
+    """POSITION_TARGET_GLOBAL_INT: the autopilot's present target; degrees times 1e7, m AMSL."""
 
     message_id: ClassVar[int] = 87
     lat_int: int
@@ -200,9 +200,9 @@ class PositionTargetGlobalInt(MavlinkMessage, frozen=True):
 
 
 class BatteryStatus(MavlinkMessage, frozen=True):
-    """BATTERY_STATUS: one battery; voltages in mV a cell, 65535 unknown.
+    """BATTERY_STATUS: one battery; voltages in mV per cell, 65535 unknown.
 
-    The last two are extensions, 0 where they are not told: seconds that are left, MAV_BATTERY_CHARGE_STATE.
+    The last two are extensions, 0 if not reported: remaining seconds, MAV_BATTERY_CHARGE_STATE.
     """
 
     message_id: ClassVar[int] = 147
@@ -222,7 +222,7 @@ class EkfStatusReport(MavlinkMessage, frozen=True):
 
 
 class EstimatorStatus(MavlinkMessage, frozen=True):
-    """ESTIMATOR_STATUS: PX4's estimator flags; the lower ten bits mean what ArduPilot's mean."""
+    """ESTIMATOR_STATUS: PX4's estimator flags; the lower ten bits have the same meaning as ArduPilot's."""
 
     message_id: ClassVar[int] = 230
     time_usec: int
@@ -230,7 +230,7 @@ class EstimatorStatus(MavlinkMessage, frozen=True):
 
 
 class HomePosition(MavlinkMessage, frozen=True):
-    """HOME_POSITION: where the vehicle returns to; mm AMSL."""
+    """HOME_POSITION: position to which the vehicle returns; mm AMSL."""
 
     message_id: ClassVar[int] = 242
     latitude: int
@@ -239,7 +239,7 @@ class HomePosition(MavlinkMessage, frozen=True):
 
 
 class ExtendedSysState(MavlinkMessage, frozen=True):
-    """EXTENDED_SYS_STATE: on the ground, taking off, in the air, landing; of a VTOL whether it hovers."""
+    """EXTENDED_SYS_STATE: on the ground, taking off, in the air, landing; state of a VTOL."""
 
     message_id: ClassVar[int] = 245
     landed_state: int
@@ -247,7 +247,7 @@ class ExtendedSysState(MavlinkMessage, frozen=True):
 
 
 class StatusTextMessage(MavlinkMessage, frozen=True):
-    """STATUSTEXT: the autopilot's words, or a piece of them when ``id`` is not 0."""
+    """STATUSTEXT: a text of the autopilot, or a chunk of one if ``id`` is not 0."""
 
     message_id: ClassVar[int] = 253
     severity: int

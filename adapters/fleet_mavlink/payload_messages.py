@@ -1,4 +1,4 @@
-"""The MAVLink messages of what a vehicle carries: inertial sensors, motors, compass, gimbal, camera, key."""
+"""MAVLink messages of the payload: inertial sensors, motors, compass, gimbal, camera, signing key."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from fleet_mavlink.messages import MavlinkMessage
 
 
 class RawImu(MavlinkMessage, frozen=True):
-    """RAW_IMU as ArduPilot fills it: FRD, thousandths of g and thousandths of rad/s."""
+    """RAW_IMU in ArduPilot's units: FRD, thousandths of g and thousandths of rad/s."""
 
     message_id: ClassVar[int] = 27
     xacc: int
@@ -33,7 +33,7 @@ class HighresImu(MavlinkMessage, frozen=True):
 
 
 class MagCalProgress(MavlinkMessage, frozen=True):
-    """MAG_CAL_PROGRESS: how far the calibration of one compass is, percent."""
+    """MAG_CAL_PROGRESS: progress of one compass, percent."""
 
     message_id: ClassVar[int] = 191
     compass_id: int
@@ -42,7 +42,7 @@ class MagCalProgress(MavlinkMessage, frozen=True):
 
 
 class MagCalReport(MavlinkMessage, frozen=True):
-    """MAG_CAL_REPORT: how the calibration of one compass ended (``MagCal``)."""
+    """MAG_CAL_REPORT: result of one compass (MAG_CAL_STATUS)."""
 
     message_id: ClassVar[int] = 192
     compass_id: int
@@ -53,7 +53,7 @@ class MagCalReport(MavlinkMessage, frozen=True):
 
 
 class SetupSigning(MavlinkMessage, frozen=True):
-    """SETUP_SIGNING: the key to sign with from now on; never answered."""
+    """SETUP_SIGNING: the key for signing from now on; never acknowledged."""
 
     message_id: ClassVar[int] = 256
     target_system: int
@@ -63,7 +63,7 @@ class SetupSigning(MavlinkMessage, frozen=True):
 
 
 class CameraImageCaptured(MavlinkMessage, frozen=True):
-    """CAMERA_IMAGE_CAPTURED: a picture was taken (``capture_result`` 1) or not."""
+    """CAMERA_IMAGE_CAPTURED: a picture was taken (``capture_result`` 1), or it failed."""
 
     message_id: ClassVar[int] = 263
     image_index: int
@@ -72,7 +72,7 @@ class CameraImageCaptured(MavlinkMessage, frozen=True):
 
 
 class GimbalManagerInformation(MavlinkMessage, frozen=True):
-    """GIMBAL_MANAGER_INFORMATION: there is a gimbal, and how far it turns, radians."""
+    """GIMBAL_MANAGER_INFORMATION: presence of a gimbal, and its limits in radians."""
 
     message_id: ClassVar[int] = 280
     gimbal_device_id: int
@@ -83,7 +83,7 @@ class GimbalManagerInformation(MavlinkMessage, frozen=True):
 
 
 class GimbalDeviceAttitudeStatus(MavlinkMessage, frozen=True):
-    """GIMBAL_DEVICE_ATTITUDE_STATUS: how the gimbal is turned; w x y z, FRD."""
+    """GIMBAL_DEVICE_ATTITUDE_STATUS: attitude of the gimbal; w x y z, FRD."""
 
     message_id: ClassVar[int] = 285
     flags: int
@@ -91,7 +91,7 @@ class GimbalDeviceAttitudeStatus(MavlinkMessage, frozen=True):
 
 
 class EscTelemetry1To4(MavlinkMessage, frozen=True):
-    """ESC_TELEMETRY_1_TO_4 (ArduPilot): the turns a minute of four motors."""
+    """ESC_TELEMETRY_1_TO_4 (ArduPilot): revolutions per minute of four motors."""
 
     message_id: ClassVar[int] = 11030
     rpm: tuple[int, ...]

@@ -18,14 +18,14 @@ from fleet_mavlink.remote_id import trouble_of
 from fleet_mavlink.state import VehicleState
 from fleet_mavlink.texts import Sentence
 
-_SAID_FOR = 35.0  # s; ArduPilot repeats what is wrong every 30 s
-_REASONS = ("arm", "prearm", "preflight")  # with which an autopilot begins what keeps it from arming
+_SAID_FOR = 35.0  # s; ArduPilot repeats its reasons every 30 s
+_REASONS = ("arm", "prearm", "preflight")  # beginnings of an autopilot's reasons against arming
 _NEED_NOT_BE_TOLD = frozenset({"satellites", "battery"})
-_WORDS_WITHIN = 0.5  # s after the checks were asked for
+_WORDS_WITHIN = 0.5  # s after the request for the checks
 
 
 class Check(msgspec.Struct, frozen=True):
-    """One thing that a take-off needs; ``ok`` None: unknown. ``words`` say what is seen or wrong."""
+    """One precondition of a take-off; ``ok`` None: unknown. ``words``: observation, or reason."""
 
     check: str
     ok: bool | None
@@ -63,13 +63,13 @@ def checks(
 
 
 def _mode_words(mode: str, flavour: Flavour) -> str:
-    """Return the mode, as text, in which the autopilot checked itself: ArduPilot's checks depend on it."""
+    """Return the mode of the autopilot's own checks, as text: ArduPilot's checks depend on it."""
     begins = "arming it" if flavour.surface else "a take-off"
     return mode if mode == flavour.arming else f"{mode}; {begins} changes to {flavour.arming}"
 
 
 def _remote_control(state: VehicleState) -> tuple[Check, ...]:
-    """Look whether the pilot's remote control is heard, where the vehicle has a receiver for one."""
+    """Check the reception of the remote control, if the vehicle has a receiver."""
     heard = state.remote_control
     if heard is None:
         return ()
@@ -77,13 +77,13 @@ def _remote_control(state: VehicleState) -> tuple[Check, ...]:
 
 
 def _remote_id(state: VehicleState, now: float, *, wanted: bool) -> tuple[Check, ...]:
-    """Look whether the Remote ID transmitter allows a take-off, where there is one or must be one."""
+    """Check that the Remote ID transmitter permits a take-off, if there is one or must be one."""
     trouble = trouble_of(state, now, wanted=wanted)
     return () if trouble is None else (Check("remote ID", not trouble, (trouble,) if trouble else ()),)
 
 
 def _percent_words(percent: float | None) -> tuple[str, ...]:
-    """Say how full the battery is."""
+    """Return the battery level as text."""
     return () if percent is None else (f"{percent:.0f} %",)
 
 
@@ -94,12 +94,12 @@ def reasons(sentences: Iterable[Sentence], now: float) -> tuple[str, ...]:
 
 
 def is_ready(found: Iterable[Check]) -> bool:
-    """Return True when nothing prevents a take-off; satellites and battery may be unknown."""
+    """Return True if nothing prevents a take-off; satellites and battery may be unknown."""
     return all(check.ok or (check.ok is None and check.check in _NEED_NOT_BE_TOLD) for check in found)
 
 
 async def look(flight: Flight) -> list[Check]:
-    """Let the autopilot check itself, and return the list; raises NotReady when it does not answer."""
+    """Let the autopilot check itself, and return the list; raises NotReady if it does not answer."""
     vehicle = flight.vehicle
     require_connection(vehicle)
     if vehicle.state.armed:
@@ -108,7 +108,7 @@ async def look(flight: Flight) -> list[Check]:
         await flight.commander.ask(CommandLong(Cmd.RUN_PREARM_CHECKS), tries=1)
         await asyncio.sleep(_WORDS_WITHIN)
     except CommandError:
-        pass  # an autopilot without the command sends its reasons unasked, only less often
+        pass  # an autopilot without this command sends its reasons by itself, only less often
     now = vehicle.now()
     lost_to = flight.authority.lost_to
     said, wanted = tuple(vehicle.sentences), vehicle.needs_remote_id

@@ -1,4 +1,4 @@
-"""What the parts of the MAVLink adapter share: the session with the vehicle."""
+"""Shared base of the MAVLink adapter's parts: the session with the vehicle."""
 
 from __future__ import annotations
 
