@@ -49,7 +49,7 @@ def checks(
     return [
         Check("satellites", None if fix is None else True, (f"{fix.kind} fix{satellites}",) if fix else ()),
         Check("home", state.home is not None),
-        Check("position", flavour.position_usable(state, now), troubles),  # in the words of its health
+        Check("position", flavour.position_usable(state, now), troubles),  # the same text as in its health
         Check(
             "autopilot's own checks", state.prearm_ok, reasons(sentences, now) if not state.prearm_ok else ()
         ),

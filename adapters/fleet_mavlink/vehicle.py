@@ -57,7 +57,7 @@ class Vehicle:
         self.address: Address = None
         self.sentences: deque[Sentence] = deque(maxlen=_REMEMBERED)
         self.seen_at: dict[type[MavlinkMessage], float] = {}
-        self.shown_at: dict[int, float] | None = None  # messages to ground stations, by number; None: to none
+        self.shown_at: dict[int, float] | None = None  # messages to ground stations, by number; None: none
         self.on_heartbeat: Callable[[], None] = _nothing
         self.on_ack: Callable[[CommandAck], None] = _ignore
         self.on_sentence: Callable[[Sentence], None] = _ignore
@@ -71,7 +71,7 @@ class Vehicle:
         self._joiner = Joiner()
         self.switches = 0  # changes of the link to it
         self._ways: dict[int, tuple[Address, float]] = {}  # its address on each link, and when it was heard
-        self._others: dict[int, deque[tuple[Address, float]]] = {}  # who else spoke since it did, and when
+        self._others: dict[int, deque[tuple[Address, float]]] = {}  # other senders since its last message
         self._clash_at = -math.inf
         self._waiting: list[tuple[Condition, asyncio.Future[None]]] = []
         self._hearing: list[ReceivedMessages[Any]] = []

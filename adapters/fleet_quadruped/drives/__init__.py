@@ -1,7 +1,7 @@
 """Joint drives: one interface over their protocols. A protocol is an entry point of a package.
 
-Group ``fleet.quadruped_drives``: the name in ``drive.protocol``, and a class like ``Kind``. Group
-``fleet.quadruped_simulated_drives``: the same name, and a class like ``sim.drive.AnyDrive``.
+Group ``fleet.quadruped_drives``: the name in ``drive.protocol``, and a class like ``Kind``.
+Group ``fleet.quadruped_simulated_drives``: the same name, and a class like ``sim.drive.AnyDrive``.
 """
 
 from __future__ import annotations
