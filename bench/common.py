@@ -3,7 +3,6 @@
 import contextlib
 import json
 import os
-import shutil
 import signal
 import socket
 import statistics
@@ -20,6 +19,7 @@ import mqtt5
 import psutil
 
 from fleet.bus.settings import MEMORY
+from tests.programs import find
 from tests.tools.asker import PUPPETS
 
 NAMESPACE = uuid.UUID("00000000-0000-4000-8000-00000000be7c")
@@ -53,9 +53,9 @@ def process(*command, stdout=subprocess.DEVNULL, **options):
 @contextlib.contextmanager
 def mosquitto(port=0):
     """A Mosquitto on a port, a free one where none is given; it keeps nothing when it ends."""
-    program = shutil.which("mosquitto", path=os.environ["PATH"] + ":/usr/sbin")
+    program = find("mosquitto")
     if program is None:
-        sys.exit("the benchmarks need mosquitto: apt-get install mosquitto")
+        sys.exit("mosquitto is missing: python3 run.py test fetches it")
     port = port or free_port()
     with tempfile.TemporaryDirectory() as folder:
         config = Path(folder) / "mosquitto.conf"
