@@ -1,8 +1,9 @@
-"""Faults between edge and cloud, ours and the peer side by side: what is lost, and what is done twice.
+"""Faults between edge and cloud, for our bridge and the peer: messages lost, commands executed twice.
 
-The broker is killed (SIGKILL) and started anew while a program on the bus says durable things; then the
-network resets connections while commands come. Ours is asked again for what it has not answered, as a
-careful client does, and the journal's promises are checked; the peer cannot answer, so it is asked once.
+The broker is killed (SIGKILL) and restarted while a program on the bus publishes durable messages. Then the
+network resets connections while commands arrive. Unanswered commands to our bridge are repeated, as a careful
+client does, and the guarantees are checked on the journal. The peer does not answer, so its commands are sent
+once.
 """
 
 import collections
@@ -17,19 +18,19 @@ from tests.tools.promises import Rules, What, broken
 from tests.tools.proxy import TcpProxy
 
 KILLS = 5
-COMMANDS = 60  # for each kill of the broker
+COMMANDS = 60  # per kill of the broker
 TWINS = 4
-RATE = 200  # durable messages a second
+RATE = 200  # durable messages per second
 SEED = 1
-AWAY = (0.2, 1.5)  # s that the broker is away
-BACK = 1.5  # s that it is there again
-RESET_EVERY = 50  # commands, which is once a second
+AWAY = (0.2, 1.5)  # s without the broker
+BACK = 1.5  # s with the broker
+RESET_EVERY = 50  # commands, about once a second
 PAUSE = 0.02  # s between commands
 PROMISES = Rules(max_age=6.0, gate=What.RECEIVED, replies=False)
 
 
 def settle(asker, within=60.0):
-    """Ask again until everything is answered."""
+    """Repeat commands until all are answered."""
     end = time.monotonic() + within
     while asker.unanswered() and time.monotonic() < end:
         time.sleep(0.5)
@@ -37,7 +38,7 @@ def settle(asker, within=60.0):
 
 
 def kills(name, number):
-    """Kill the broker so often; return how many durable messages were said, lost, and came out of order."""
+    """Kill the broker ``number`` times; return the durable messages published, lost, and out of order."""
     chance, port = random.Random(SEED), free_port()
     with contextlib.ExitStack() as stack:
         broker = stack.enter_context(contextlib.ExitStack())
@@ -58,10 +59,10 @@ def kills(name, number):
 
 
 def storm(name, commands):
-    """Send commands through resets, while durable messages flow out.
+    """Send commands through connection resets, while durable messages flow out.
 
-    Return how many were done, done twice, why they were refused, how many durable messages were lost, and
-    the promises broken.
+    Returns the commands executed, those executed twice, the reasons of refusals, the durable messages lost,
+    and the broken guarantees.
     """
     with contextlib.ExitStack() as stack:
         port = stack.enter_context(mosquitto())

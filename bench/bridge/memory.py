@@ -1,8 +1,8 @@
-"""Memory under load: an outage of an hour, compressed; and a slow way, beside the peer.
+"""Memory under load: an hour's outage compressed in time, and a slow link compared with the peer.
 
-An hour of outage at full load is 3.6 million durable messages, 1,000 a second; here they come as fast as they
-are taken, while 50 robots report at 10 Hz besides (``bridge:memory=3600`` is the whole hour). The short form
-has so small a file that it is filled, and what is oldest pushed out of it, as the hour does with the default.
+An hour's outage at full load is 3.6 million durable messages, 1,000 a second. Here they come as fast as they
+are accepted, while 50 robots report at 10 Hz (``bridge:memory=3600`` is the whole hour). The short form has a
+spool so small that it fills up and drops its oldest messages, as the hour does with the default size.
 """
 
 import contextlib
@@ -14,11 +14,11 @@ from bench.bridge.sides import Ears, side, source
 from bench.common import free_port, line, listener, mosquitto
 from tests.tools.proxy import TcpProxy
 
-THOUSANDS = 150  # messages of the short form
-OFFERED = 8000  # messages a second
-FILE = 32  # MiB of the short form's spool
+THOUSANDS = 150  # thousands of messages of the short form
+OFFERED = 8000  # messages per second
+FILE = 32  # MiB, the short form's spool
 HOUR = 3600  # thousands of messages
-PAD = 750  # bytes that make a message 1 kB
+PAD = 750  # bytes that make a message 1 kB long
 LOOK = 0.25  # s
 ROUND_TRIP = 0.05  # s
 SLOW_SECONDS = 20.0
@@ -26,12 +26,12 @@ SLOW_RATE = 1000
 
 
 def rss(pid):
-    """Return the memory of a process, MiB."""
+    """Return the resident memory of a process, MiB."""
     return psutil.Process(pid).memory_info().rss / 2**20
 
 
 def growth(pid, seconds):
-    """Watch a process for so long; return how much its memory grew at most, MiB."""
+    """Return the greatest growth of a process's memory within ``seconds``, MiB."""
     before = most = rss(pid)
     end = time.monotonic() + seconds
     while time.monotonic() < end:
@@ -41,7 +41,7 @@ def growth(pid, seconds):
 
 
 def outage(thousands):
-    """Take the broker away under full load; return MiB grown, and how many messages were said meanwhile."""
+    """Take the broker away under full load; return the memory growth (MiB) and the messages published."""
     port = free_port()
     size = {} if thousands >= HOUR else {"edge": {"id": "bench", "spool": {"size": FILE}}}
     with contextlib.ExitStack() as stack:
@@ -49,7 +49,7 @@ def outage(thousands):
         running = stack.enter_context(side("fleet", port, rate=10.0, **size))
         ears = stack.enter_context(Ears(port))
         with source(running, SLOW_RATE):
-            time.sleep(5)  # what it needs to carry this at all is no growth of the outage
+            time.sleep(5)  # what the process needs to carry traffic at all does not count as growth
         ears.quiet(1.0)
         listener(port).kill()
         with source(running, OFFERED) as said:
@@ -58,7 +58,7 @@ def outage(thousands):
 
 
 def slow_way(name):
-    """Carry 1 kB messages over a slow way; return MiB grown, and how many came a second."""
+    """Carry 1 kB messages over a slow link; return the growth (MiB) and the messages received per second."""
     with (
         mosquitto() as port,
         TcpProxy(port, delay=ROUND_TRIP / 2) as proxy,
