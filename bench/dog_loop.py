@@ -65,7 +65,7 @@ class Script:
     def order(self) -> Order:
         now = time.monotonic()
         walking = STAND < now - self.begun < self.seconds
-        order = Order(until=now + 1.0, alive=now, errand=Activity(1, BodyRequest.STAND), x=0.4 * walking)
+        order = Order(until=now + 1.0, alive=now, activity=Activity(1, BodyRequest.STAND), x=0.4 * walking)
         return order if now - self.begun < self.seconds else Order(alive=now, leave=True)
 
     def put(self, state: DogState) -> None:
