@@ -104,9 +104,9 @@ class BenchSession:
         self.drives = drives_of(dog, buses, self.joints)
         require_sole_controller(buses, self.drives.addresses, clock)
         self.drives.configure()
-        self._meet()
+        self._lower_if_held()
 
-    def _meet(self) -> None:
+    def _lower_if_held(self) -> None:
         """Lower a robot that its motors may be holding; raises LinkRefused if it would fall.
 
         Without torque a robot drops if it stands, or if drives that stopped by themselves hold it.

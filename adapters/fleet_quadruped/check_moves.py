@@ -16,7 +16,7 @@ _HEARD = 0.3  # s until every drive and the IMU have sent feedback
 _ASKED = Activity(1, BodyRequest.CHECK)
 
 
-class Moves:
+class CheckMoves:
     """Source of orders and sink of states for one check.
 
     ``interrupted`` is polled in every cycle; True is an emergency stop by the person at the bench. ``looks``

@@ -14,7 +14,7 @@ from fleet_quadruped import commissioning
 from fleet_quadruped.any_description import AnyBody, load_body
 from fleet_quadruped.bench_tools import BenchSession, listen, offsets, open_buses, problems, scan
 from fleet_quadruped.can.capture import read_capture
-from fleet_quadruped.check_moves import Moves
+from fleet_quadruped.check_moves import CheckMoves
 from fleet_quadruped.commissioning import at_rest
 from fleet_quadruped.control.controller import Controller
 from fleet_quadruped.control.loop import Loop
@@ -22,10 +22,10 @@ from fleet_quadruped.jog import (
     LEAST_DEGREES,
     MOST_DEGREES,
     MOST_SHARE,
+    AbortInput,
     Jog,
     Jogger,
     JogStopped,
-    Pressed,
     direction,
     verdict,
 )
@@ -100,10 +100,10 @@ def _checked(dog: DogDescription, buses: Mapping[str, CanBus], *, move: bool) ->
         return found, "all twelve drives answer, where their joints can be; --move shows signs and offsets"
     click.echo("It will fold its legs, crouch, and lean by up to 10 degrees. Any key stops it.", err=True)
     click.confirm("Does it lie on its belly on a level floor, and is everybody clear?", abort=True, err=True)
-    pressed, controller = Pressed(), Controller(dog, buses)
+    pressed, controller = AbortInput(), Controller(dog, buses)
     controller.configure()
     with pressed.watching():
-        moves = Moves(dog, SystemClock(), pressed)
+        moves = CheckMoves(dog, SystemClock(), pressed)
         Loop(controller, buses, moves, SystemClock()).run()
     return commissioning.problems(dog, moves.looks, moves.ended), "signs and offsets of all joints are right"
 
@@ -204,7 +204,7 @@ def jog_command(body: Path, buses: tuple[str, ...], name: str, degrees: float, t
         err=True,
     )
     click.confirm("Does the dog hang free, and is everybody clear?", abort=True, err=True)
-    pressed = Pressed()
+    pressed = AbortInput()
     with open_buses(_urls(dog, buses), dog.buses, SystemClock()) as opened:
         jogger = Jogger(dog, opened, SystemClock(), jog, pressed)
         try:

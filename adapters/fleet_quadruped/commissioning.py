@@ -45,7 +45,7 @@ class Observation(NamedTuple):
     rotation: Quaternion
 
 
-class Guess(NamedTuple):
+class Hypothesis(NamedTuple):
     """One joint that is mirrored, or off by ``offset`` (rad); ``cost``: misfit of this explanation."""
 
     cost: float
@@ -56,7 +56,7 @@ class Guess(NamedTuple):
 
 def explain(
     dog: DogDescription, looks: Sequence[Observation], joint: int | None, *, mirrored: bool = False
-) -> Guess:
+) -> Hypothesis:
     """Return the fit with this joint alone as the cause; None: with manufacturing errors alone."""
     errors, first = [_MADE] * _COUNT, [0.0] * _COUNT
     if joint is not None:
@@ -75,7 +75,7 @@ def explain(
             after = _residuals(dog, looks, moved)
             slopes.append([(b - a) / _SMALL for a, b in zip(residuals, after, strict=True)])
         values = _improved(residuals, slopes, values, priors, errors)
-    return Guess(cost, joint, mirrored, 0.0 if joint is None else values[joint])
+    return Hypothesis(cost, joint, mirrored, 0.0 if joint is None else values[joint])
 
 
 def _with_mirrored(look: Observation, joint: int) -> Observation:

@@ -46,38 +46,38 @@ class Checksum(BaseModel):
         return reduce(xor, covered, 0) if self.kind == "xor" else _crc8(covered)
 
 
-class Sealed(BaseModel):
+class ProtectedFrame(BaseModel):
     """A frame with an optional counter and an optional checksum."""
 
     counter: Counter | None = Field(None, description="A number that goes on with each frame.")
     checksum: Checksum | None = Field(None, description="A byte that is made of the others.")
 
     @property
-    def seal_bytes(self) -> dict[int, str]:
+    def integrity_bytes(self) -> dict[int, str]:
         """The byte positions of counter and checksum, with their names."""
         both = {"counter": self.counter, "checksum": self.checksum}
         return {part.at: name for name, part in both.items() if part is not None}
 
 
-class Seal:
+class FrameIntegrity:
     """State of counter and checksum of one identifier, for one direction."""
 
-    def __init__(self, identifier: int, sealed: Sealed) -> None:
+    def __init__(self, identifier: int, protected: ProtectedFrame) -> None:
         self._identifier = identifier
-        self._counter, self._checksum = sealed.counter, sealed.checksum
+        self._counter, self._checksum = protected.counter, protected.checksum
         self._count: int | None = None
 
     def put(self, data: bytes) -> bytes:
         """Return the data of the next frame, with counter and checksum filled in."""
-        sealed = bytearray(data)
+        protected = bytearray(data)
         counter, checksum = self._counter, self._checksum
         if counter is not None:
             self._count = 0 if self._count is None else self._count + 1
             value = self._count << counter.shift & counter.mask
-            sealed[counter.at] = sealed[counter.at] & ~counter.mask & 0xFF | value
+            protected[counter.at] = protected[counter.at] & ~counter.mask & 0xFF | value
         if checksum is not None:
-            sealed[checksum.at] = checksum.of(self._identifier, bytes(sealed))
-        return bytes(sealed)
+            protected[checksum.at] = checksum.of(self._identifier, bytes(protected))
+        return bytes(protected)
 
     def take(self, data: bytes) -> bool:
         """Return True for a valid frame: correct checksum, and a counter that has changed."""

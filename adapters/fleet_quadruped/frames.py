@@ -13,7 +13,7 @@ from typing import Annotated, Literal
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, model_validator
 
-from fleet_quadruped.frame_integrity import Seal, Sealed
+from fleet_quadruped.frame_integrity import FrameIntegrity, ProtectedFrame
 
 Type = Literal["u8", "i8", "u16", "i16", "u32", "i32", "f32"]
 _CODES: Mapping[str, str] = {"u8": "B", "i8": "b", "u16": "H", "i16": "h", "u32": "I", "i32": "i", "f32": "f"}
@@ -57,7 +57,7 @@ class FieldMap(Number):
         return struct.Struct((">" if self.endian == "big" else "<") + _CODES[self.type])
 
 
-class FrameMap(Sealed):
+class FrameMap(ProtectedFrame):
     """One frame: its values by name, its length, and its constant bytes."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
@@ -74,7 +74,7 @@ class FrameMap(Sealed):
     @model_validator(mode="after")
     def _apart(self) -> FrameMap:
         """Refuse overlapping fields, constants under a field, and bytes beyond the frame's end."""
-        taken = dict(self.seal_bytes)
+        taken = dict(self.integrity_bytes)
         if len(taken) < sum(part is not None for part in (self.counter, self.checksum)):
             raise ValueError("counter and checksum are in the same byte")
         constants = bytes.fromhex(self.data)
@@ -94,7 +94,7 @@ class FrameMap(Sealed):
     def needed(self) -> int:
         """Number of bytes up to the last value, constant, counter or checksum."""
         ends = [field.at + field.layout.size for field in self.fields.values()]
-        return max([*ends, len(self.data) // 2, *(place + 1 for place in self.seal_bytes)])
+        return max([*ends, len(self.data) // 2, *(place + 1 for place in self.integrity_bytes)])
 
     @property
     def length(self) -> int:
@@ -125,15 +125,17 @@ class FrameDecoder:
     def __init__(self, frames: Iterable[FrameMap]) -> None:
         frames = tuple(frames)
         self._plans = {frame.id: (frame.length, _readings(frame)) for frame in frames}
-        self._seals = {frame.id: Seal(frame.id, frame) for frame in frames if frame.seal_bytes}
+        self._integrity = {
+            frame.id: FrameIntegrity(frame.id, frame) for frame in frames if frame.integrity_bytes
+        }
 
     def decode(self, identifier: int, data: bytes) -> dict[str, float] | None:
         """Return the valid values of a frame; None for an unknown, short or corrupt frame."""
         plan = self._plans.get(identifier)
         if plan is None or len(data) < plan[0]:
             return None
-        seal = self._seals.get(identifier)
-        if seal is not None and not seal.take(data):
+        integrity = self._integrity.get(identifier)
+        if integrity is not None and not integrity.take(data):
             return None
         found: dict[str, float] = {}
         for unpack_from, fields in plan[1]:

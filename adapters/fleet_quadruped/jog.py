@@ -164,7 +164,7 @@ def verdict(joint: Joint, *, right: bool) -> str:
     return f"sign: {-joint.sign}; then calibrate again, the offset was measured with the other sign"
 
 
-class Pressed:
+class AbortInput:
     """Returns True after a key, a signal, or the end of the input since ``watching`` began.
 
     A signal only sets a flag: an exception at an arbitrary place could interrupt the braking of the joint.

@@ -16,7 +16,7 @@ from fleet import LinkLost, LinkRefused, decode_json
 from fleet_quadruped.config import QuadrupedConfig, simulation
 from fleet_quadruped.control.exchange import SharedValue, new_memory
 from fleet_quadruped.control.orders import DogState, Order
-from fleet_quadruped.control.plan import ControlPlan, Word
+from fleet_quadruped.control.plan import ControlPlan, StatusMessage
 
 _START = 30.0  # s until it must be ready
 
@@ -67,7 +67,7 @@ class BodyProcess:
 
     async def ended(self) -> None:
         """Wait until the process ends, then raise LinkLost or LinkRefused with its last message."""
-        raise _error(await self._word())
+        raise _error(await self._message())
 
     async def _start(self) -> None:
         """Start the process with its plan, and with the shared memory for orders and states."""
@@ -87,19 +87,19 @@ class BodyProcess:
 
     async def _ready(self) -> None:
         """Wait for the first message; raises LinkLost or LinkRefused if it is not that it is ready."""
-        word = await self._word()
-        if not word.ready:
-            raise _error(word)
+        message = await self._message()
+        if not message.ready:
+            raise _error(message)
 
-    async def _word(self) -> Word:
+    async def _message(self) -> StatusMessage:
         """Return the next message; the exit status if the process ended without one."""
         process = self._process
         assert process is not None
         assert process.stdout is not None
         line = await process.stdout.readline()
         if line:
-            return decode_json(line, Word)
-        return Word(lost=f"the body controller ended with status {await process.wait()}")
+            return decode_json(line, StatusMessage)
+        return StatusMessage(lost=f"the body controller ended with status {await process.wait()}")
 
     async def _close(self) -> None:
         process, self._process = self._process, None
@@ -130,7 +130,7 @@ async def _left(process: asyncio.subprocess.Process, within: float) -> None:
         await process.wait()
 
 
-def _error(word: Word) -> LinkLost | LinkRefused:
-    if word.refused:
-        return LinkRefused(word.refused)
-    return LinkLost(word.lost or "the body controller left")
+def _error(message: StatusMessage) -> LinkLost | LinkRefused:
+    if message.refused:
+        return LinkRefused(message.refused)
+    return LinkLost(message.lost or "the body controller left")

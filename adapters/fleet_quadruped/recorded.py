@@ -24,7 +24,7 @@ from fleet import (
     open_link,
 )
 from fleet_quadruped.config import QuadrupedConfig
-from fleet_quadruped.control.sensors import Values, imu_of
+from fleet_quadruped.control.sensors import SensorValues, imu_of
 from fleet_quadruped.drives import drives_of
 from fleet_quadruped.replay import SilentBus
 from fleet_quadruped.robot.description import DogDescription
@@ -47,8 +47,8 @@ class RecordedDog(Adapter[QuadrupedConfig]):
         super().__init__(config, robot)
         self._dog = dog
         self._drives = drives_of(dog, {name: SilentBus(name) for name in dog.buses})
-        self._imu = Values(dog.imu, whole=True) if dog.imu else None
-        self._battery = Values(dog.battery) if dog.battery else None
+        self._imu = SensorValues(dog.imu, whole=True) if dog.imu else None
+        self._battery = SensorValues(dog.battery) if dog.battery else None
         self._measured: tuple[float, ...] = ()
         self._links: list[Link] = []
 

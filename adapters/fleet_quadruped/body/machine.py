@@ -36,7 +36,7 @@ _NOT_WALKED = POSED | {Mode.RISING}
 _LIES = frozenset({Mode.ENABLING, Mode.SETTLING})  # the legs carry no weight: a hard stop needs no targets
 
 
-class Wish(enum.Enum):
+class DriveAction(enum.Enum):
     """State that the drives should have in a cycle."""
 
     REST = "rest"  # off
@@ -47,10 +47,10 @@ class Wish(enum.Enum):
     RESET = "reset"
 
 
-class Wanted(msgspec.Struct, frozen=True, gc=False):
+class BodyOutput(msgspec.Struct, frozen=True, gc=False):
     """Result of one cycle."""
 
-    wish: Wish
+    action: DriveAction
     targets: Targets
 
 
@@ -150,7 +150,7 @@ class BodyStateMachine:
 
     # -- one cycle -----------------------------------------------------------------------------------
 
-    def step(self, dt: float, sense: Sense, twist: Twist, waiting: str) -> Wanted:
+    def step(self, dt: float, sense: Sense, twist: Twist, waiting: str) -> BodyOutput:
         """Return the targets of a cycle; ``waiting`` names a drive that is not enabled, empty without one."""
         self._since += dt
         return self._STEPS[self.mode](self, dt, sense, twist, waiting)
@@ -160,34 +160,34 @@ class BodyStateMachine:
         self.mode, self._since, self._motion, self._lowering = mode, 0.0, None, None
         self.posing = None
 
-    def _off(self, _dt: float, _sense: Sense, _twist: Twist, _waiting: str) -> Wanted:
-        wish, self._reset = (Wish.RESET if self._reset else Wish.REST), False
-        return _nothing(wish)
+    def _off(self, _dt: float, _sense: Sense, _twist: Twist, _waiting: str) -> BodyOutput:
+        action, self._reset = (DriveAction.RESET if self._reset else DriveAction.REST), False
+        return _nothing(action)
 
-    def _enabling(self, _dt: float, sense: Sense, _twist: Twist, waiting: str) -> Wanted:
+    def _enabling(self, _dt: float, sense: Sense, _twist: Twist, waiting: str) -> BodyOutput:
         if not waiting:
             self._enter(self._after)
-            return Wanted(Wish.HOLD, Targets(sense.angles, ZEROS, ZEROS))
+            return BodyOutput(DriveAction.HOLD, Targets(sense.angles, ZEROS, ZEROS))
         if self._since > _ENABLE_TIME:
             self._enter(Mode.OFF)
             self.fault = f"{waiting}; all joints were disabled again"
-            return _nothing(Wish.REST)
-        return _nothing(Wish.ENABLE)
+            return _nothing(DriveAction.REST)
+        return _nothing(DriveAction.ENABLE)
 
-    def _rising(self, dt: float, sense: Sense, _twist: Twist, _waiting: str) -> Wanted:
+    def _rising(self, dt: float, sense: Sense, _twist: Twist, _waiting: str) -> BodyOutput:
         self._motion = self._motion or rising(self._dog, sense.angles, self._dog.gait.height)
         targets = self._motion.step(dt)
         if self._motion.done:
             self.walker.stand(self._dog.gait.height)
             self._enter(Mode.STANDING)
-        return Wanted(Wish.HOLD, targets)
+        return BodyOutput(DriveAction.HOLD, targets)
 
-    def _upright(self, dt: float, sense: Sense, twist: Twist, _waiting: str) -> Wanted:
+    def _upright(self, dt: float, sense: Sense, twist: Twist, _waiting: str) -> BodyOutput:
         targets = self.walker.step(dt, twist, sense)
         self.mode = Mode.WALKING if self.walker.walking else Mode.STANDING
-        return Wanted(Wish.HOLD, targets)
+        return BodyOutput(DriveAction.HOLD, targets)
 
-    def _posed(self, dt: float, sense: Sense, _twist: Twist, _waiting: str) -> Wanted:
+    def _posed(self, dt: float, sense: Sense, _twist: Twist, _waiting: str) -> BodyOutput:
         """Hold a posture; move joints towards their targets while there are any."""
         posing = self.posing = self.posing or Posing(self._dog, sense.angles, stands=False)
         base = Targets(posing.start, ZEROS, ZEROS)
@@ -198,30 +198,30 @@ class BodyStateMachine:
         targets = posing.step(dt, self.goal if self.mode is Mode.POSING else (), base)
         if posing.leaves and posing.is_back:
             self._enter(Mode.STANDING)
-        return Wanted(Wish.HOLD, targets)
+        return BodyOutput(DriveAction.HOLD, targets)
 
-    def _sitting(self, dt: float, sense: Sense, _twist: Twist, _waiting: str) -> Wanted:
+    def _sitting(self, dt: float, sense: Sense, _twist: Twist, _waiting: str) -> BodyOutput:
         if self._motion is None and self._before in _NOT_WALKED:  # the walker has no foot positions here
             self._motion = folding(self._dog, sense.angles, self._dog.poses.sit_time)
         if self._motion is None and self.walker.walking and self._since < self.walker.time_to_stand:
-            return Wanted(Wish.HOLD, self.walker.step(dt, Twist(), sense))
+            return BodyOutput(DriveAction.HOLD, self.walker.step(dt, Twist(), sense))
         self._motion = self._motion or sitting(self._dog, sense.angles, self.walker.height)
         targets = self._motion.step(dt)
         if self._motion.done:
             self._enter(Mode.SETTLING)
-        return Wanted(Wish.HOLD, targets)
+        return BodyOutput(DriveAction.HOLD, targets)
 
-    def _settling(self, _dt: float, _sense: Sense, _twist: Twist, _waiting: str) -> Wanted:
+    def _settling(self, _dt: float, _sense: Sense, _twist: Twist, _waiting: str) -> BodyOutput:
         if self._since > _SETTLE_TIME:
             self._enter(Mode.OFF)
-        return _nothing(Wish.DAMP)
+        return _nothing(DriveAction.DAMP)
 
-    def _damped(self, dt: float, sense: Sense, _twist: Twist, _waiting: str) -> Wanted:
+    def _damped(self, dt: float, sense: Sense, _twist: Twist, _waiting: str) -> BodyOutput:
         """Lower the robot; one that lay on the ground at the stop is only damped."""
         if self._before in _LIES:
             if self._since > self._dog.safety.damp_time:
                 self._enter(Mode.OFF)
-            return _nothing(Wish.DAMP)
+            return _nothing(DriveAction.DAMP)
         self._lowering = way = self._lowering or Lowering(
             self._dog, sense.angles, upright=self._before in UPRIGHT
         )
@@ -232,25 +232,25 @@ class BodyStateMachine:
             )
         if way.done:
             self._enter(Mode.OFF)
-        return Wanted(Wish.LOWER, targets)
+        return BodyOutput(DriveAction.LOWER, targets)
 
-    def _recovering(self, dt: float, sense: Sense, _twist: Twist, _waiting: str) -> Wanted:
+    def _recovering(self, dt: float, sense: Sense, _twist: Twist, _waiting: str) -> BodyOutput:
         """Rise if upright; else roll over."""
         motion = self._motion = self._motion or self.recovery.begin(sense.angles)
         targets = motion.step(dt)
         if not motion.done or sense.imu is None:
-            return Wanted(Wish.HOLD, targets)
+            return BodyOutput(DriveAction.HOLD, targets)
         if sense.imu.up >= UPRIGHT_FROM:
             self._enter(Mode.RISING)
-            return Wanted(Wish.HOLD, targets)
+            return BodyOutput(DriveAction.HOLD, targets)
         self._motion = self.recovery.roll(sense.imu.roll, targets.angles)
         if self._motion is None:
             tries = self.recovery.tries
             cause = f"recovery: still not upright after {tries} tries; its IMU may be mounted wrongly"
             self.trip(Trip(Stage.DAMP, cause))
-        return Wanted(Wish.HOLD, targets)
+        return BodyOutput(DriveAction.HOLD, targets)
 
-    def _checking(self, dt: float, sense: Sense, _twist: Twist, _waiting: str) -> Wanted:
+    def _checking(self, dt: float, sense: Sense, _twist: Twist, _waiting: str) -> BodyOutput:
         self._motion = self._motion or probing(self._dog, sense.angles)
         targets = self._motion.step(dt)
         if self._motion.done:
@@ -258,9 +258,9 @@ class BodyStateMachine:
             self._motion = folding(self._dog, sense.angles, self._dog.poses.sit_time)
         elif sense.imu is not None and sense.imu.tilt > _LEANS:
             self.trip(Trip(Stage.DAMP, f"check: leans by {sense.imu.tilt:.2f} rad, where it is not sent"))
-        return Wanted(Wish.HOLD, targets)
+        return BodyOutput(DriveAction.HOLD, targets)
 
-    _STEPS: ClassVar[Mapping[Mode, Callable[[BodyStateMachine, float, Sense, Twist, str], Wanted]]] = {
+    _STEPS: ClassVar[Mapping[Mode, Callable[[BodyStateMachine, float, Sense, Twist, str], BodyOutput]]] = {
         Mode.OFF: _off,
         Mode.ENABLING: _enabling,
         Mode.RISING: _rising,
@@ -276,5 +276,5 @@ class BodyStateMachine:
     }
 
 
-def _nothing(wish: Wish) -> Wanted:
-    return Wanted(wish, Targets(ZEROS, ZEROS, ZEROS))
+def _nothing(action: DriveAction) -> BodyOutput:
+    return BodyOutput(action, Targets(ZEROS, ZEROS, ZEROS))

@@ -30,17 +30,17 @@ class RelayedFrame(msgspec.Struct, frozen=True, array_like=True):
     data: bytes
 
 
-class Relayed(msgspec.Struct, frozen=True, array_like=True):
+class RelayedFrames(msgspec.Struct, frozen=True, array_like=True):
     """The frames of one cycle, and the number dropped since the start."""
 
     frames: list[RelayedFrame]
     dropped: int
 
 
-_DECODER = msgpack_decoder(Relayed)
+_DECODER = msgpack_decoder(RelayedFrames)
 
 
-class FrameSender:
+class RelaySender:
     """Sending end, in the body controller; it always takes the frames before the first cycle.
 
     ``dropped``: number of frames that did not fit, since the start.
@@ -65,12 +65,12 @@ class FrameSender:
             return
         frames, self._cycle = self._cycle, []
         try:
-            self._end.send(msgspec.msgpack.encode(Relayed(frames, self.dropped)))
+            self._end.send(msgspec.msgpack.encode(RelayedFrames(frames, self.dropped)))
         except OSError:  # the adapter is slow, or has ended
             self.dropped += len(frames)
 
 
-class FrameReceiver:
+class RelayReceiver:
     """Receiving end, in the adapter: passes frames to the taps of the buses."""
 
     def __init__(
@@ -98,7 +98,7 @@ class FrameReceiver:
                 return
             self._pass_on(_DECODER.decode(data))
 
-    def _pass_on(self, relayed: Relayed) -> None:
+    def _pass_on(self, relayed: RelayedFrames) -> None:
         """Pass the frames of one cycle to the taps."""
         if relayed.dropped > self._dropped:
             self._log.warning("%d frames were not recorded", relayed.dropped - self._dropped)
@@ -110,13 +110,13 @@ class FrameReceiver:
 
 
 @contextlib.asynccontextmanager
-async def received(buses: Iterable[str], log: logging.Logger) -> AsyncIterator[FrameReceiver]:
+async def received(buses: Iterable[str], log: logging.Logger) -> AsyncIterator[RelayReceiver]:
     """Create a relay and read it for the duration of a block; its ``relay`` is the body controller's end."""
     ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
     with ours, theirs:
         for end in (ours, theirs):
             end.setblocking(False)
-        receiver = FrameReceiver(ours, theirs, buses, log)
+        receiver = RelayReceiver(ours, theirs, buses, log)
         loop = asyncio.get_running_loop()
         loop.add_reader(ours, receiver.read)
         try:

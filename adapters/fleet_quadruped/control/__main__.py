@@ -26,12 +26,12 @@ from fleet import (
 from fleet_quadruped.any_description import AnyBody, load_body
 from fleet_quadruped.can.bus_guard import require_sole_controller
 from fleet_quadruped.can.capture import Capture, Captured
-from fleet_quadruped.can.relay import FrameSender
+from fleet_quadruped.can.relay import RelaySender
 from fleet_quadruped.control.controller import Controller
 from fleet_quadruped.control.exchange import SharedValue
 from fleet_quadruped.control.loop import Loop
 from fleet_quadruped.control.orders import DogState, Order
-from fleet_quadruped.control.plan import ControlPlan, Word
+from fleet_quadruped.control.plan import ControlPlan, StatusMessage
 from fleet_quadruped.robot.description import DogDescription
 from fleet_quadruped.selfwalk.controller import SelfWalkController
 from fleet_quadruped.sim.simulated_machine import SimulatedMachine, on_buses
@@ -67,7 +67,11 @@ def main(arguments: list[str]) -> int:
     try:
         _run(plan, SystemClock())
     except (LinkError, ConfigError) as error:
-        _say(Word(lost=str(error)) if isinstance(error, LinkLost) else Word(refused=str(error)))
+        _send(
+            StatusMessage(lost=str(error))
+            if isinstance(error, LinkLost)
+            else StatusMessage(refused=str(error))
+        )
         return 1
     return 0
 
@@ -86,7 +90,7 @@ def _run(plan: ControlPlan, clock: Clock) -> None:
                 name: stack.enter_context(_opened(name, url, body, clock)) for name, url in plan.buses.items()
             }
         relay = _relay(plan.relay, stack)
-        capture = Capture(buses, Path(plan.captures), clock, relay.take if relay else _nobody)
+        capture = Capture(buses, Path(plan.captures), clock, relay.take if relay else _discard)
         stack.callback(capture.finish)
         buses = capture.buses
         controller = (
@@ -95,7 +99,7 @@ def _run(plan: ControlPlan, clock: Clock) -> None:
         if machine is None:
             require_sole_controller(buses, controller.addresses, clock)
         controller.configure()
-        _say(Word(ready=True))
+        _send(StatusMessage(ready=True))
         moved = machine.advance if machine else None
         owner = sys.stdin.fileno()
         Loop(
@@ -103,14 +107,14 @@ def _run(plan: ControlPlan, clock: Clock) -> None:
         ).run()
 
 
-def _relay(descriptor: int, stack: contextlib.ExitStack) -> FrameSender | None:
+def _relay(descriptor: int, stack: contextlib.ExitStack) -> RelaySender | None:
     """Return the sender of frames to a recorder; None without a descriptor (-1)."""
     if descriptor < 0:
         return None
-    return FrameSender(stack.enter_context(socket.socket(fileno=descriptor)))
+    return RelaySender(stack.enter_context(socket.socket(fileno=descriptor)))
 
 
-def _nobody(_captured: Captured) -> None:
+def _discard(_captured: Captured) -> None:
     """Discard a frame: there is no relay."""
 
 
@@ -134,8 +138,8 @@ def _opened(name: str, url: str, body: AnyBody, clock: Clock) -> Iterator[OpenCa
         bus.close()
 
 
-def _say(word: Word) -> None:
-    sys.stdout.buffer.write(msgspec.json.encode(word) + b"\n")
+def _send(message: StatusMessage) -> None:
+    sys.stdout.buffer.write(msgspec.json.encode(message) + b"\n")
     sys.stdout.buffer.flush()
 
 

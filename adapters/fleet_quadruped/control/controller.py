@@ -47,7 +47,7 @@ class Controller:
         self._joints = Joints.of([JointFeedback()] * 12)
         self._looked = 0.0  # monotonic s of the last feedback evaluation
         self._begun: float | None = None
-        self._met = False  # False until all drives have reported whether they hold the robot
+        self._feedback_complete = False  # False until all drives have reported whether they hold the robot
         self._trip: Trip | None = None
 
     @property
@@ -77,7 +77,7 @@ class Controller:
     @property
     def resting(self) -> bool:
         """True when the process may end: every drive has reported that its torque is off, or is silent."""
-        return self._met and self.body.mode is Mode.OFF and self._off.over
+        return self._feedback_complete and self.body.mode is Mode.OFF and self._off.over
 
     def complete(self) -> bool:
         """Return True once all drives have answered since ``begin``."""
@@ -112,7 +112,7 @@ class Controller:
         heard = now - order.alive < self.dog.safety.deadman
         moving = now < order.until and heard
         self.body.goal = order.joints if now < order.joints_until and heard else ()
-        if not self._meet():
+        if not self._await_feedback():
             return
         waiting = not_enabled(self.dog.all_joints, self._joints)
         wanted = self.body.step(dt, sense, order.twist if moving else Twist(), waiting)
@@ -125,7 +125,7 @@ class Controller:
         The drives of a robot that is off stay off. Before all drives have reported nothing is sent: it is not
         known what they hold.
         """
-        if not self._met:
+        if not self._feedback_complete:
             return
         if self.body.mode is Mode.OFF:
             self.drives.disable()
@@ -180,17 +180,17 @@ class Controller:
         name = self.drives.braking()
         return f"{name}: its drive does not go on from its quick stop" if name else ""
 
-    def _meet(self) -> bool:
+    def _await_feedback(self) -> bool:
         """Return True once all drives have reported whether they hold the robot; nothing is written before.
 
         A robot that is held, by drives that stopped alone or by a controller that died, is lowered.
         """
-        if self._met:
+        if self._feedback_complete:
             return True
         if max(self._joints.ages) > self._stale:
             self.drives.probe(self.dog.safety.kd)
             return False
-        self._met, self._writer.last = True, self._joints.angles
+        self._feedback_complete, self._writer.last = True, self._joints.angles
         held = holding(self.dog.all_joints, self._joints)
         if held:
             log.warning("%s: the dog may be held by its drives, and is let down", held)
@@ -232,7 +232,7 @@ class Controller:
             bus = silent_bus(self.dog.all_joints, told.ages, _GONE)
             if bus:
                 raise LinkLost(f"bus {bus!r}: all its drives are silent; their own stop holds them, or none")
-        if self._met and (self.body.mode is not Mode.OFF or self.body.fault):
+        if self._feedback_complete and (self.body.mode is not Mode.OFF or self.body.fault):
             return
         for number, joint in enumerate(self.dog.all_joints):
             if told.restarted[number]:

@@ -14,7 +14,7 @@ import msgspec
 
 from fleet import CanBus, CanFrame, Clock, interpreter_settings
 from fleet_quadruped.can.capture import Capture
-from fleet_quadruped.can.relay import FrameSender
+from fleet_quadruped.can.relay import RelaySender
 from fleet_quadruped.control.orders import DogState, Order, Timing
 from fleet_quadruped.safety.stages import MEANT
 
@@ -106,7 +106,7 @@ class Loop:
         owner: int | None = None,
         moved: Callable[[float], None] | None = None,
         capture: Capture | None = None,
-        relay: FrameSender | None = None,
+        relay: RelaySender | None = None,
     ) -> None:
         self._controller = controller
         self._buses = buses

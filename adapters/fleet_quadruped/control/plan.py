@@ -21,7 +21,7 @@ class ControlPlan(msgspec.Struct, frozen=True):
     relay: int
 
 
-class Word(msgspec.Struct, frozen=True, omit_defaults=True):
+class StatusMessage(msgspec.Struct, frozen=True, omit_defaults=True):
     """Message of the process on standard output, one line each: ready, or the reason of its end."""
 
     ready: bool = False

@@ -23,7 +23,7 @@ _POSSIBLE = dict.fromkeys(EULER, 7.0) | {
 """Largest plausible values (rad/s for rates): an implausible one would stay in the odometry for ever."""
 
 
-class Values:
+class SensorValues:
     """Newest values of one sensor, by name; a value marked invalid is dropped.
 
     ``whole``: a frame with an invalid or implausible value is ignored entirely.
@@ -78,9 +78,9 @@ class BodySensors:
     def __init__(self, dog: DogDescription) -> None:
         self.imu: Imu | None = None
         self.imu_age = 0.0
-        self._imu = Values(dog.imu, whole=True) if dog.imu else None
+        self._imu = SensorValues(dog.imu, whole=True) if dog.imu else None
         self._imu_timeout = dog.imu.timeout if dog.imu else 0.0
-        self._battery = Values(dog.battery) if dog.battery else None
+        self._battery = SensorValues(dog.battery) if dog.battery else None
         self._described = dog.battery
         self._by_frame = {
             place: sensor

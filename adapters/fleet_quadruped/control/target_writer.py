@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from fleet_quadruped.body.machine import Wanted, Wish
+from fleet_quadruped.body.machine import BodyOutput, DriveAction
 from fleet_quadruped.body.measured import ZEROS, Targets
 from fleet_quadruped.drives.base import JointDrive, Joints
 from fleet_quadruped.robot.description import DogDescription
@@ -24,22 +24,22 @@ class TargetWriter:
         self._stale = dog.safety.stale_cycles * dog.dt
         self._limits = JointLimits(dog.all_joints, dog.safety)
 
-    def write(self, wanted: Wanted, joints: Joints, dt: float) -> None:
+    def write(self, wanted: BodyOutput, joints: Joints, dt: float) -> None:
         """Write the output of one cycle to the drives."""
-        match wanted.wish:
-            case Wish.HOLD:
+        match wanted.action:
+            case DriveAction.HOLD:
                 self._drives.write(self._limited(wanted.targets, joints.angles, dt))
                 return
-            case Wish.LOWER:
+            case DriveAction.LOWER:
                 self._drives.lower(self._limited(wanted.targets, self._known(joints), dt), self._kd)
                 return
-            case Wish.ENABLE:
+            case DriveAction.ENABLE:
                 self._drives.enable()
-            case Wish.DAMP:
+            case DriveAction.DAMP:
                 self._drives.damp(self._kd)
-            case Wish.RESET:
+            case DriveAction.RESET:
                 self._drives.reset_fault()
-            case Wish.REST:
+            case DriveAction.REST:
                 self._drives.disable()
         self.last = joints.angles
 

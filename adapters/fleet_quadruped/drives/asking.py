@@ -11,7 +11,7 @@ from fleet_quadruped.robot.description import Joint
 _TRIES, _LISTENS, _WAIT = 5, 20, 0.02  # rounds of requests, receptions per round, s per reception
 
 
-class Asked(Protocol):
+class Requestable(Protocol):
     """A drive that answers requests."""
 
     @property
@@ -23,7 +23,7 @@ class Asked(Protocol):
         """Bus of the drive."""
 
 
-AskedT = TypeVar("AskedT", bound=Asked)
+RequestableT = TypeVar("RequestableT", bound=Requestable)
 
 
 class Requester:
@@ -35,9 +35,9 @@ class Requester:
 
     def ask(
         self,
-        drives: Sequence[AskedT],
-        question: Callable[[AskedT], CanFrame],
-        answered: Callable[[AskedT], bool],
+        drives: Sequence[RequestableT],
+        question: Callable[[RequestableT], CanFrame],
+        answered: Callable[[RequestableT], bool],
     ) -> None:
         """Send requests to the drives until each has answered; raises LinkLost with the first silent one."""
         for _ in range(_TRIES):

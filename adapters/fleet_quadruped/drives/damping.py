@@ -11,13 +11,13 @@ from fleet import CanBus, CanFrame
 from fleet_quadruped.body.measured import Targets
 from fleet_quadruped.drives.asking import Requester
 from fleet_quadruped.drives.base import Power
-from fleet_quadruped.drives.group import DriveGroup, HeardDrive
+from fleet_quadruped.drives.group import DriveGroup, ReportingDrive
 from fleet_quadruped.drives.motor_units import Units
 from fleet_quadruped.robot.description import DogDescription
 
 
 @dataclass(slots=True)
-class DampingDrive(HeardDrive):
+class DampingDrive(ReportingDrive):
     """One drive that can damp by itself.
 
     ``wanted``: enabled, stopping (damping) or disabled. ``held``: it has followed one of the first two.

@@ -15,7 +15,7 @@ from fleet_quadruped.robot.description import DogDescription, Joint
 
 
 @dataclass(slots=True)
-class HeardDrive(ABC):
+class ReportingDrive(ABC):
     """Last feedback of one drive: rad, rad/s, N m of the joint; degrees C; V; times in monotonic s.
 
     ``restarted``: it has lost its configuration, and is in fault until it is configured again.
@@ -28,7 +28,7 @@ class HeardDrive(ABC):
     torque: float = 0.0
     temperature: float | None = None
     voltage: float | None = None
-    told_at: float = NEVER
+    reported_at: float = NEVER
     answers: Answers = field(default_factory=Answers)
     restarted: bool = False
 
@@ -42,14 +42,16 @@ class HeardDrive(ABC):
         return f"two drives answer as id {self.joint.id} on bus {self.joint.bus}: give each its own"
 
 
-HeardT = TypeVar("HeardT", bound=HeardDrive)
-_VALUES = attrgetter("angle", "speed", "torque", "told_at", "temperature", "voltage", "restarted")
+ReportingT = TypeVar("ReportingT", bound=ReportingDrive)
+_VALUES = attrgetter("angle", "speed", "torque", "reported_at", "temperature", "voltage", "restarted")
 
 
-class DriveGroup(Generic[HeardT]):
+class DriveGroup(Generic[ReportingT]):
     """Drives of one robot; ``buses`` by name. A protocol adds the rest of ``JointDrive``."""
 
-    def __init__(self, dog: DogDescription, buses: Mapping[str, CanBus], drives: Sequence[HeardT]) -> None:
+    def __init__(
+        self, dog: DogDescription, buses: Mapping[str, CanBus], drives: Sequence[ReportingT]
+    ) -> None:
         self._dog = dog
         self._buses = buses
         self._drives = drives

@@ -7,7 +7,7 @@ from typing import Annotated
 from pydantic import AfterValidator, Field, model_validator
 
 from fleet import CanFrame
-from fleet_quadruped.frame_integrity import Sealed
+from fleet_quadruped.frame_integrity import ProtectedFrame
 from fleet_quadruped.frames import FrameMap, encode
 from fleet_quadruped.robot.parts import Section
 from fleet_quadruped.selfwalk.wire import AXES, COMMANDS, Wire
@@ -25,7 +25,7 @@ def _height(frame: FrameMap) -> FrameMap:
     return frame
 
 
-class FixedFrame(Section, Sealed):
+class FixedFrame(Section, ProtectedFrame):
     """A frame with constant data, except for a counter and a checksum."""
 
     id: int = Field(ge=0, le=0x1FFFFFFF, description="Identifier; beyond 7FFh it is an extended one.")
@@ -35,7 +35,7 @@ class FixedFrame(Section, Sealed):
     def _room(self) -> FixedFrame:
         """Refuse data in the byte of a counter or checksum, or too few bytes for them."""
         data = bytes.fromhex(self.data)
-        for place, name in self.seal_bytes.items():
+        for place, name in self.integrity_bytes.items():
             if data[place : place + 1] != b"\x00":
                 raise ValueError(f"byte {place} of data must be 00: its {name} is there")
         return self
@@ -63,10 +63,10 @@ class Frames(Section):
     @model_validator(mode="after")
     def _alike(self) -> Frames:
         """Refuse frames of one identifier with different counters or checksums."""
-        seals: dict[int, tuple[object, object]] = {}
+        protected: dict[int, tuple[object, object]] = {}
         for frame in self.outgoing:
-            seal = frame.counter, frame.checksum
-            if seals.setdefault(frame.id, seal) != seal:
+            integrity = frame.counter, frame.checksum
+            if protected.setdefault(frame.id, integrity) != integrity:
                 raise ValueError(f"the frames {frame.id:03X}h must have the same counter and checksum")
         return self
 
@@ -88,5 +88,5 @@ def wire_of(frames: Frames) -> Wire:
         state=frames.state,
         slow=frames.slow,
         start=tuple(one.frame for one in frames.start),
-        seals={one.id: one for one in frames.outgoing if one.seal_bytes},
+        protected={one.id: one for one in frames.outgoing if one.integrity_bytes},
     )

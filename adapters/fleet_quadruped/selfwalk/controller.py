@@ -18,11 +18,11 @@ from fleet_quadruped.safety.stages import EMERGENCY_STOP, TOLD_TO_LEAVE, Mode
 from fleet_quadruped.selfwalk.by_objects import SDO_ABORT
 from fleet_quadruped.selfwalk.description import SelfWalker
 from fleet_quadruped.selfwalk.height import StandingHeight
-from fleet_quadruped.selfwalk.obedience import Obedience
 from fleet_quadruped.selfwalk.requests import NAMES, TAKEN, RequestTracker
 from fleet_quadruped.selfwalk.sender import FrameSender
 from fleet_quadruped.selfwalk.stop_repeat import StopRepeat
 from fleet_quadruped.selfwalk.telemetry import Telemetry
+from fleet_quadruped.selfwalk.velocity_check import VelocityCheck
 
 _STANDS = frozenset({Mode.STANDING, Mode.WALKING})
 _LOOSE = frozenset({Mode.OFF, Mode.DAMPED})
@@ -45,8 +45,8 @@ class SelfWalkController:
         self._sender = FrameSender(self._bus, self._wire)
         self._lamp = Lamp(walker.led, buses)
         self._asks = RequestTracker()
-        self._obedience = Obedience()
-        self._errand = self._stops = 0
+        self._velocity_check = VelocityCheck()
+        self._activity = self._stops = 0
         self._stop_repeat = StopRepeat()
         self._sit_at = -math.inf
         self._since: float | None = None
@@ -166,13 +166,15 @@ class SelfWalkController:
     def _judge(self, dt: float) -> None:
         """Compare the reported velocity with the requested one; stop a machine that moves unrequested."""
         known = self._told.mode in _STANDS and not self._told.is_stale
-        self._obedience.judge(dt, self._twist if known else _STILL, self._told.twist if known else _STILL)
-        if self._obedience.runs:
-            self._stop(f"{self.walker.robot.name}: {self._obedience.runs}", self._told.now)
+        self._velocity_check.judge(
+            dt, self._twist if known else _STILL, self._told.twist if known else _STILL
+        )
+        if self._velocity_check.runs:
+            self._stop(f"{self.walker.robot.name}: {self._velocity_check.runs}", self._told.now)
 
     def _warning(self) -> str:
-        if self._told.unnamed or self._obedience.why:
-            return self._told.unnamed or f"{self.walker.robot.name}: {self._obedience.why}"
+        if self._told.unnamed or self._velocity_check.why:
+            return self._told.unnamed or f"{self.walker.robot.name}: {self._velocity_check.why}"
         percent = self._told.percent
         return f"battery at {percent:.0f} %" if percent is not None and percent <= self.walker.warn else ""
 
@@ -181,8 +183,8 @@ class SelfWalkController:
     def _obey(self, order: Order, now: float) -> None:
         """Execute the activity, then the stop, which so takes precedence, then sit down without a host."""
         activity = order.activity
-        if activity.number > self._errand:
-            self._errand = activity.number
+        if activity.number > self._activity:
+            self._activity = activity.number
             self._asks.begin(activity.number, activity.ask, *self._answer(activity.ask, activity.value), now)
         if order.stop > self._stops:
             self._stops, self._stop_repeat.pending = order.stop, True

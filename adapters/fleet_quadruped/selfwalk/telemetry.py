@@ -7,7 +7,7 @@ import math
 from fleet import CanFrame, Quaternion, quaternion_from_yaw
 from fleet_quadruped.body.gait import Twist
 from fleet_quadruped.body.measured import Imu
-from fleet_quadruped.control.sensors import Values, imu_of
+from fleet_quadruped.control.sensors import SensorValues, imu_of
 from fleet_quadruped.safety.stages import Mode
 from fleet_quadruped.selfwalk.description import SelfWalker
 from fleet_quadruped.selfwalk.wire import AXES
@@ -28,8 +28,8 @@ class Telemetry:
         self.now = 0.0
         self._walker = walker
         state, slow = walker.sensors()
-        self._state = Values(state)
-        self._slow = Values(slow) if slow else None
+        self._state = SensorValues(state)
+        self._slow = SensorValues(slow) if slow else None
 
     def take(self, bus: str, frame: CanFrame, now: float) -> None:
         """Process a received frame; frames of others are ignored."""

@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 from fleet import CanFrame
 from fleet_quadruped.drives.cia402.setup import Object
-from fleet_quadruped.frame_integrity import Sealed
+from fleet_quadruped.frame_integrity import ProtectedFrame
 from fleet_quadruped.frames import FrameMap
 
 AXES = ("x", "y", "turn")
@@ -21,7 +21,7 @@ COMMANDS = ("stand_up", "sit_down", "emergency_stop", "recovery_stand", "reset_f
 class Wire(NamedTuple):
     """Frames out and in. ``alive`` is sent before each velocity; ``node``: node id of a CANopen machine.
 
-    ``seals``: counters and checksums of outgoing frames, by identifier.
+    ``protected``: counters and checksums of outgoing frames, by identifier.
     """
 
     velocity: tuple[FrameMap, ...]
@@ -33,4 +33,4 @@ class Wire(NamedTuple):
     alive: tuple[CanFrame, ...] = ()
     node: int | None = None
     setup: tuple[Object, ...] = ()
-    seals: Mapping[int, Sealed] = MappingProxyType({})
+    protected: Mapping[int, ProtectedFrame] = MappingProxyType({})

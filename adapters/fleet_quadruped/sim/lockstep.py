@@ -12,7 +12,7 @@ from fleet_quadruped.sim.dog import SimDog
 from fleet_quadruped.sim.world import KinematicWorld, World
 
 
-class Takes(Protocol):
+class FrameSink(Protocol):
     """A machine that receives frames."""
 
     def take(self, bus: str, frame: CanFrame) -> None:
@@ -26,11 +26,11 @@ class SimBus:
         self.name = name
         self.cut = False
         self.sent: deque[CanFrame] = deque(maxlen=64)
-        self._dog: Takes | None = None
+        self._dog: FrameSink | None = None
         self._arrived: deque[CanFrame] = deque()
         self._news: threading.Event | None = None  # while a receiver waits
 
-    def connect(self, dog: Takes) -> None:
+    def connect(self, dog: FrameSink) -> None:
         """Connect the robot."""
         self._dog = dog
 

@@ -11,7 +11,7 @@ from collections.abc import Callable, Mapping
 
 from fleet import CanFrame
 from fleet_quadruped.drives.moteus import frames as wire
-from fleet_quadruped.drives.moteus.frames import Part
+from fleet_quadruped.drives.moteus.frames import Subframe
 from fleet_quadruped.robot.description import Joint
 from fleet_quadruped.robot.parts import Drive
 from fleet_quadruped.sim.drive import SimDampingDrive
@@ -156,7 +156,7 @@ class SimMoteus(SimDampingDrive):
                 case _:
                     self._text += b"ERR unknown\r\n"
 
-    def _answer(self, parts: list[Part]) -> None:
+    def _answer(self, parts: list[Subframe]) -> None:
         """Send the requested registers and text."""
         _, speed, torque = self._units.motor(0.0, self.motor.speed, self.motor.torque)
         registers = {

@@ -10,7 +10,7 @@ import random
 from fleet import Quaternion, quaternion_from_euler
 from fleet.testing.clock import ManualClock
 from fleet_quadruped.body.measured import Imu
-from fleet_quadruped.check_moves import Moves
+from fleet_quadruped.check_moves import CheckMoves
 from fleet_quadruped.commissioning import at_rest, problems
 from fleet_quadruped.robot.description import DogDescription
 from fleet_quadruped.robot.names import JOINTS
@@ -79,7 +79,7 @@ def checked(dog: DogDescription, built: DogDescription, world: MujocoWorld) -> l
     if found:
         return found
     clock = ManualClock()
-    moves = Moves(dog, clock, lambda: False)
+    moves = CheckMoves(dog, clock, lambda: False)
     while not rig.order.leave and rig.sim.time < _LONGEST:
         rig.order = moves.order()
         rig.cycle()

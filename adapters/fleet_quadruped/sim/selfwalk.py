@@ -12,7 +12,7 @@ from fleet.sim.faults import check_fault
 from fleet_quadruped.body.gait import Twist
 from fleet_quadruped.drives.cia402.frames import HEARTBEAT, OPERATIONAL, SDO_REQUEST, SYNC
 from fleet_quadruped.drives.cia402.setup import final_values
-from fleet_quadruped.frame_integrity import Seal
+from fleet_quadruped.frame_integrity import FrameIntegrity
 from fleet_quadruped.frames import FrameDecoder, FrameMap, encode
 from fleet_quadruped.safety.stages import Mode
 from fleet_quadruped.selfwalk.description import SelfWalker
@@ -78,8 +78,12 @@ class SimWalker:
         self._velocity = FrameDecoder(self._wire.velocity)
         self._lengths = {frame.id: frame.length for frame in self._wire.velocity}
         told = (*self._wire.state, *self._wire.slow)
-        self._seals = {frame.id: Seal(frame.id, frame) for frame in told if frame.seal_bytes}
-        self._checks = {number: Seal(number, sealed) for number, sealed in self._wire.seals.items()}
+        self._integrity = {
+            frame.id: FrameIntegrity(frame.id, frame) for frame in told if frame.integrity_bytes
+        }
+        self._checks = {
+            number: FrameIntegrity(number, protected) for number, protected in self._wire.protected.items()
+        }
         self._idle = self._runs_away = False
         self._asked: dict[str, float] = {}
         self._asked_at = -math.inf
@@ -199,8 +203,8 @@ class SimWalker:
     def _tell(self, frames: tuple[FrameMap, ...]) -> None:
         values = self._values()
         for frame in frames:
-            data, seal = encode(frame, values), self._seals.get(frame.id)
-            self._say(CanFrame(frame.id, seal.put(data) if seal else data))
+            data, integrity = encode(frame, values), self._integrity.get(frame.id)
+            self._say(CanFrame(frame.id, integrity.put(data) if integrity else data))
 
     def _values(self) -> dict[str, float]:
         """Return all values that such a machine can report."""

@@ -87,7 +87,7 @@ def pack_target(control: int, counts: int, per_mille: int | None) -> bytes:
         return _CYCLIC.pack(control & 0xFFFF, _clamp(counts, _I32), _clamp(per_mille, _I16))
 
 
-def unpack_told(data: bytes) -> StatusPdo | None:
+def unpack_status_pdo(data: bytes) -> StatusPdo | None:
     """Decode TPDO1, torque 0 if not mapped; None if it is too short. RPDO1 has the same layout."""
     if len(data) == _WITHOUT_TORQUE.size:
         status, counts = _WITHOUT_TORQUE.unpack(data)
@@ -133,8 +133,8 @@ class Units:
         return pack_target(word, counts, None if torque is None else round(self._per_mille * torque))
 
     def unpack(self, data: bytes) -> tuple[int, float, float] | None:
-        """Return word, angle and torque of the joint; see ``unpack_told``."""
-        told = _CYCLIC.unpack(data) if len(data) == _CYCLIC.size else unpack_told(data)
+        """Return word, angle and torque of the joint; see ``unpack_status_pdo``."""
+        told = _CYCLIC.unpack(data) if len(data) == _CYCLIC.size else unpack_status_pdo(data)
         if told is None:
             return None
         word, counts, per_mille = told

@@ -16,11 +16,11 @@ from fleet_quadruped.drives.cia402.frames import (
     unpack_slow,
 )
 from fleet_quadruped.drives.cia402.states import FOLLOWS, POWER, DriveState, state_of
-from fleet_quadruped.drives.group import HeardDrive
+from fleet_quadruped.drives.group import ReportingDrive
 
 
 @dataclass(slots=True)
-class Cia402Node(HeardDrive):
+class Cia402Node(ReportingDrive):
     """One drive. ``half_cycle``: s; ``silence``: s without a heartbeat until a fault.
 
     ``scale``: degrees C of the drive's own unit; None without a temperature. ``feeds``: it accepts a torque
@@ -35,7 +35,7 @@ class Cia402Node(HeardDrive):
     status: int = 0  # 6041h
     state: DriveState = DriveState.NOT_READY
     follows: bool = True
-    beat_at: float = math.inf
+    heartbeat_at: float = math.inf
     fault: str = ""
     feeds: bool = True
     nmt: int = OPERATIONAL
@@ -43,17 +43,17 @@ class Cia402Node(HeardDrive):
 
     def configured(self, *, feeds: bool) -> None:
         """Reset for a drive that was configured and started."""
-        self.told_at, self.beat_at = NEVER, math.inf
+        self.reported_at, self.heartbeat_at = NEVER, math.inf
         self.fault, self.restarted, self.nmt = "", False, OPERATIONAL
         self.feeds = feeds
 
     def power(self, now: float) -> tuple[Power, str]:
         """Return the state of the drive, and its fault."""
-        if self.told_at == NEVER:
+        if self.reported_at == NEVER:
             return Power.ABSENT, ""
-        if self.restarted or self.answers.doubled or now - self.beat_at > self.silence:
-            distrust = self._distrust(now)
-            return Power.FAULT, (self.restarted and distrust) or self.fault or distrust
+        if self.restarted or self.answers.doubled or now - self.heartbeat_at > self.silence:
+            unreliable = self._why_unreliable(now)
+            return Power.FAULT, (self.restarted and unreliable) or self.fault or unreliable
         if self.state is DriveState.ENABLED and self.stopped_alone:
             return Power.STOPPING, self.fault
         if self.state is DriveState.ENABLED and self.nmt != OPERATIONAL:
@@ -62,14 +62,14 @@ class Cia402Node(HeardDrive):
             return Power.STARTING, "it is enabled and ignores its target (bit 12 of 6041h is 0)"
         return POWER[self.state], self.fault
 
-    def _distrust(self, now: float) -> str:
+    def _why_unreliable(self, now: float) -> str:
         """Return why the status word of the drive cannot be relied on."""
         number = self.joint.id
         if self.restarted:
             return f"id {number} has restarted (boot-up, 700h); it is configured again after a reset"
         if self.answers.doubled:
             return self.two_with_its_id
-        return f"no heartbeat (700h) from id {number} for {now - self.beat_at:.2f} s"
+        return f"no heartbeat (700h) from id {number} for {now - self.heartbeat_at:.2f} s"
 
     def take_status(self, data: bytes, now: float) -> None:
         """Process a TPDO1: status, angle, torque; the speed is the difference of two angles."""
@@ -77,11 +77,11 @@ class Cia402Node(HeardDrive):
         if told is None:
             return
         status, angle, self.torque = told
-        passed = now - self.told_at
+        passed = now - self.reported_at
         # A late answer arrives together with the next one; they were measured a cycle apart.
         if passed > self.half_cycle:
             self.speed = (angle - self.angle) / passed
-        self.angle, self.told_at = angle, now
+        self.angle, self.reported_at = angle, now
         if status != self.status:
             self.status, self.state = status, state_of(status)
             self.stopped_alone = self.stopped_alone and self.state is DriveState.ENABLED
@@ -109,8 +109,8 @@ class Cia402Node(HeardDrive):
     def take_heartbeat(self, data: bytes, now: float) -> None:
         """Process a heartbeat; a boot-up after the first one means a restart."""
         state = data[0] & 0x7F if data else None
-        if state == BOOT_UP and self.beat_at < math.inf:
+        if state == BOOT_UP and self.heartbeat_at < math.inf:
             self.restarted = True
         if state is not None and state != BOOT_UP:
             self.nmt = state
-        self.beat_at = now
+        self.heartbeat_at = now

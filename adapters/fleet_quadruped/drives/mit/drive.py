@@ -89,7 +89,7 @@ class MitDrives(DampingGroup[MitMotor]):
             )
             kd = self._dog.safety.kd
             self._requester.ask(
-                self._plain, lambda motor: motor.damping(kd), lambda motor: motor.told_at > NEVER
+                self._plain, lambda motor: motor.damping(kd), lambda motor: motor.reported_at > NEVER
             )
         self._registers.commission(self._dog.drive)
 

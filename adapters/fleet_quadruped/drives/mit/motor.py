@@ -36,7 +36,7 @@ class MitMotor(DampingDrive):
             return
         _, angle, speed, torque, self.status, self.temperature = reply
         self.angle, self.speed, self.torque = self.units.joint(angle, speed, torque)
-        self.told_at, self.answered = now, True
+        self.reported_at, self.answered = now, True
         self.answers.take(data)
         self.note_hold(obeys=self.status == wire.ENABLED, let_go=self.status == wire.DISABLED)
 
@@ -49,7 +49,7 @@ class MitMotor(DampingDrive):
 
     def power(self, now: float) -> tuple[Power, str]:  # noqa: ARG002 - a motor answers in each cycle, or is old
         """Return the state of the motor, and its fault."""
-        if self.told_at == NEVER:
+        if self.reported_at == NEVER:
             return Power.ABSENT, ""
         fault = self._fault()
         if fault:

@@ -64,8 +64,8 @@ def commission(
     ``safety_kd``: the damping (N m s/rad of a joint) that must be possible. Raises LinkLost or LinkRefused.
     """
     for servo in servos:
-        servo.restarted, servo.told_at = False, NEVER
-    requester.ask(servos, lambda one: one.frame(wire.pack_query()), lambda one: one.told_at > NEVER)
+        servo.restarted, servo.reported_at = False, NEVER
+    requester.ask(servos, lambda one: one.frame(wire.pack_query()), lambda one: one.reported_at > NEVER)
     for servo in servos:
         _check_home(servo)
     kp, kd, ki = (diagnostics.read(name) for name in (_KP, _KD, _KI))

@@ -74,7 +74,7 @@ class Demand(NamedTuple):
     watchdog: float
 
 
-class Part(NamedTuple):
+class Subframe(NamedTuple):
     """One sub-frame: kind (high four bits), first register or channel, number of them, values or text."""
 
     kind: int
@@ -153,7 +153,7 @@ def padded(data: bytes) -> bytes:
     return _padded(data)
 
 
-def unpack(data: bytes) -> list[Part] | None:
+def unpack(data: bytes) -> list[Subframe] | None:
     """Return the sub-frames of a frame; None if it is cut short or has an unknown one."""
     try:
         return list(_parts(data))
@@ -161,7 +161,7 @@ def unpack(data: bytes) -> list[Part] | None:
         return None
 
 
-def registers(parts: list[Part]) -> dict[int, float]:
+def registers(parts: list[Subframe]) -> dict[int, float]:
     """Return the registers of an answer, in their units."""
     found: dict[int, float] = {}
     for part in parts:
@@ -172,7 +172,7 @@ def registers(parts: list[Part]) -> dict[int, float]:
     return found
 
 
-def _parts(data: bytes) -> Iterator[Part]:
+def _parts(data: bytes) -> Iterator[Subframe]:
     """Yield sub-frames; raises IndexError, ValueError or struct.error for invalid data."""
     at = 0
     while at < len(data):
@@ -191,11 +191,11 @@ def _parts(data: bytes) -> Iterator[Part]:
                 layout = struct.Struct(f"<{count}{_TYPES[resolution]}")
                 values = layout.unpack_from(data, at)
                 at += layout.size
-            yield Part(head >> 4, start, values, count, resolution)
+            yield Subframe(head >> 4, start, values, count, resolution)
         elif head in {0x30, 0x31}:
             start, at = _varuint(data, at)
             _, at = _varuint(data, at)
-            yield Part(3, start)
+            yield Subframe(3, start)
         elif head in {0x40, 0x41, 0x42}:
             channel, at = _varuint(data, at)
             length, at = _varuint(data, at)
@@ -203,7 +203,7 @@ def _parts(data: bytes) -> Iterator[Part]:
             if head != 0x42 and len(text) < length:
                 raise ValueError("cut short")
             at += len(text)
-            yield Part(head, channel, text=text)
+            yield Subframe(head, channel, text=text)
         else:
             raise ValueError(f"sub-frame {head:02X}h")
 

@@ -50,14 +50,14 @@ class MoteusServo(DampingDrive):
         self.angle, self.speed, self.torque = self.units.joint(turns * wire.TURN, speed * wire.TURN, torque)
         self.mode, self.code, self.home = (int(told[at]) for at in (wire.MODE, wire.FAULT, wire.HOME))
         self.voltage, self.temperature = told[wire.VOLTAGE], told[wire.TEMPERATURE]
-        self.told_at = now
+        self.reported_at = now
         self.answers.take(data)
         self.note_hold(obeys=self.mode == wire.OBEYS, let_go=self.mode in _LET_GO)
 
     def power(self, now: float) -> tuple[Power, str]:  # noqa: ARG002 - a servo answers in each cycle, or is old
         """Return the state of the servo, and its fault."""
         mode = self.mode
-        if self.told_at == NEVER or mode is None:
+        if self.reported_at == NEVER or mode is None:
             return Power.ABSENT, ""
         fault = self._fault()
         if fault:

@@ -36,7 +36,7 @@ class OdriveAxis(DampingDrive):
 
     def power(self, now: float) -> tuple[Power, str]:
         """Return the state of the drive, and its fault."""
-        if self.told_at == NEVER or self.state is None:
+        if self.reported_at == NEVER or self.state is None:
             return Power.ABSENT, ""
         fault = self._fault(now)
         if fault:
@@ -59,7 +59,7 @@ class OdriveAxis(DampingDrive):
 
     def stay(self) -> None:
         """Send the present position as the target; nothing to a drive that was never heard."""
-        if self.told_at > NEVER:
+        if self.reported_at > NEVER:
             self.send(Cmd.INPUT_POS, wire.pack_input(*self.units.motor(self.angle, 0.0, 0.0)))
 
     def send(self, command: Cmd, data: bytes) -> None:
@@ -73,7 +73,7 @@ class OdriveAxis(DampingDrive):
             return
         turns, speed = told
         self.angle, self.speed, _ = self.units.joint(turns * wire.TURN, speed * wire.TURN, 0.0)
-        self.told_at = now
+        self.reported_at = now
         self.answers.take(data)
 
     def take_heartbeat(self, data: bytes, now: float) -> None:

@@ -229,50 +229,52 @@ def test_no_velocity_beyond_the_limits_is_ever_sent(walker, make_paddock, twists
 # -- frames as makers want them ----------------------------------------------------------------------
 
 
-SEAL = {"counter": {"at": 6}, "checksum": {"at": 7, "header": True}}
+INTEGRITY = {"counter": {"at": 6}, "checksum": {"at": 7, "header": True}}
 
 
 @pytest.fixture
-def sealed(make_paddock):
+def protected(make_paddock):
     """Return a machine of which every frame is padded, counted and has a checksum, as AgileX's version 1."""
     tree = load_body(EXAMPLE.with_name("self-walking.yaml")).model_dump(exclude_none=True)
     frames = tree["frames"]
     for name in ("stand_up", "sit_down", "emergency_stop", "recovery_stand", "reset_faults"):
-        frames[name] |= SEAL | {"data": frames[name]["data"].ljust(16, "0")}
+        frames[name] |= INTEGRITY | {"data": frames[name]["data"].ljust(16, "0")}
     for padded in (frames["velocity"], frames["height"], *frames["state"]):
-        padded.update(SEAL, dlc=8)
+        padded.update(INTEGRITY, dlc=8)
     walker = type(load_body(EXAMPLE.with_name("self-walking.yaml"))).model_validate(tree)
     return make_paddock(walker)
 
 
-def test_a_machine_with_counters_and_checksums_walks(sealed):
-    sealed.go(0.2)
-    assert sealed.ask(BodyRequest.STAND) == ""
-    sealed.go(1.5)
-    sealed.go(2.0, Twist(0.4))
-    assert sealed.state.mode == "walking"
-    assert sealed.machine.twist.x == pytest.approx(0.4, abs=0.01)
-    assert {len(frame.data) for frame in sealed.bus.sent if frame.id in {0x111, 0x131}} == {8}
-    sealed.emergency()
-    sealed.go(0.2)
-    assert sealed.state.mode == "damped"
+def test_a_machine_with_counters_and_checksums_walks(protected):
+    protected.go(0.2)
+    assert protected.ask(BodyRequest.STAND) == ""
+    protected.go(1.5)
+    protected.go(2.0, Twist(0.4))
+    assert protected.state.mode == "walking"
+    assert protected.machine.twist.x == pytest.approx(0.4, abs=0.01)
+    assert {len(frame.data) for frame in protected.bus.sent if frame.id in {0x111, 0x131}} == {8}
+    protected.emergency()
+    protected.go(0.2)
+    assert protected.state.mode == "damped"
 
 
-def test_a_machine_whose_counter_stands_still_is_silent(sealed):
-    sealed.go(0.2)
-    sealed.machine._seals = {number: Frozen(seal) for number, seal in sealed.machine._seals.items()}
+def test_a_machine_whose_counter_stands_still_is_silent(protected):
+    protected.go(0.2)
+    protected.machine._integrity = {
+        number: Frozen(integrity) for number, integrity in protected.machine._integrity.items()
+    }
     with pytest.raises(LinkLost, match="silent"):
-        sealed.go(3.0)
+        protected.go(3.0)
 
 
 class Frozen:
     """A counter that does not go on."""
 
-    def __init__(self, seal):
-        self._seal, self._data = seal, {}
+    def __init__(self, integrity):
+        self._integrity, self._data = integrity, {}
 
     def put(self, data):
-        return self._data.setdefault("first", self._seal.put(data))
+        return self._data.setdefault("first", self._integrity.put(data))
 
 
 def test_the_example_speaks_agilex_version_2(make_paddock):

@@ -13,7 +13,7 @@ _STILL, _STILL_TURN = 0.15, 0.3  # m/s, rad/s: tolerance while it should stand s
 _HALT = 1.5  # s for coming to rest
 
 
-class Obedience:
+class VelocityCheck:
     """Tracks how long a machine has not followed its requests. ``why``: description of it, or empty.
 
     ``runs``: description of a movement although it should stand still, or empty.
