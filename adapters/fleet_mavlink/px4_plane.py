@@ -47,7 +47,7 @@ class Px4Vtol(Px4):
 
 
 class Px4VtolForward(Px4Plane):
-    """A VTOL on its wings. It changes to hover by itself for a landing, and at home."""
+    """A VTOL on its wings. It transitions to hover on its own for a landing, and at home."""
 
     lands_here: ClassVar[bool] = True
     transitions: ClassVar[Mapping[str, str]] = Px4Vtol.transitions

@@ -90,7 +90,7 @@ class Ways:
                     link.send(data, address.address if address is not None else None)
 
     async def lost(self) -> None:
-        """Wait for ever: each link is reopened by itself."""
+        """Wait forever: each link reopens automatically."""
         await asyncio.Event().wait()
 
     async def close(self) -> None:

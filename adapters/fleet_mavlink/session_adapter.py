@@ -8,6 +8,6 @@ from fleet_mavlink.session import VehicleSession
 
 
 class SessionAdapter(Adapter[MavlinkConfig]):
-    """An adapter whose ``connect`` begins a session with its vehicle."""
+    """An adapter whose ``connect`` starts a session with its vehicle."""
 
     _session: VehicleSession

@@ -18,7 +18,7 @@ _CLOSE = 3.0  # m below its height at which ArduPlane's TAKEOFF levels off
 
 
 class WingedTakeOff:
-    """One take-off. PX4 changes to its circle by itself, ArduPlane is sent there."""
+    """One take-off. PX4 starts to circle on its own; ArduPlane is commanded to."""
 
     def __init__(self, flight: Flight, flavour: Winged, altitude: float) -> None:
         self._flight = flight

@@ -119,7 +119,7 @@ def _unanswered(_pilot: SimPx4, _ask: CommandRequest) -> None:
 
 
 def _start_mission(pilot: SimPx4, _ask: CommandRequest) -> int:
-    """Start the mission; arms by itself."""
+    """Start the mission; arms if necessary."""
     if not pilot.missions.loaded:
         return DENIED
     pilot.enter(MODES["MISSION"])

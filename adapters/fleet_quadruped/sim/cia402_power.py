@@ -58,7 +58,7 @@ class PowerStage:
         self._stays = True
 
     def fail(self) -> None:
-        """React to a fault as 605Eh says."""
+        """React to a fault according to 605Eh."""
         self._stop(DriveState.FAULT_REACTION, FAULTS[self._objects[FAULT_OPTION].value], DriveState.FAULT)
 
     def obey(self, control: int) -> bool:
@@ -100,7 +100,7 @@ class PowerStage:
         return True
 
     def lose_connection(self) -> None:
-        """React as 6007h says when the master is silent or takes the node out of operational."""
+        """React according to 6007h when the master is silent or takes the node out of operational."""
         if self.state is not DriveState.ENABLED:
             return
         option = self._objects[_CONNECTION_LOST].value
@@ -112,12 +112,12 @@ class PowerStage:
             self.stop_quickly()
 
     def stop_quickly(self) -> None:
-        """Stop as 605Ah says for a quick stop."""
+        """Stop according to 605Ah (quick stop)."""
         ending = QUICK_STOPS[self._objects[QUICK_STOP_OPTION].value]
         self._stop(DriveState.QUICK_STOP, ending, DriveState.SWITCH_ON_DISABLED)
 
     def disable(self) -> None:
-        """Stop as 605Ch says for "disable operation"."""
+        """Stop according to 605Ch ("disable operation")."""
         self._stop(DriveState.ENABLED, DISABLES[self._objects[DISABLE_OPTION].value], DriveState.SWITCHED_ON)
 
     def go_on(self) -> None:

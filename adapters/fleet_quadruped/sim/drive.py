@@ -36,7 +36,7 @@ class SimEncoder:
         self.off += angle
 
     def stick(self) -> None:
-        """Report the present angle for ever."""
+        """Freeze at the present angle."""
         self._stuck = self.angle
 
     def follow(self) -> None:
