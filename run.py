@@ -26,7 +26,7 @@ USAGE = """usage: python3 run.py demo [options of fleet demo]
        python3 run.py test [--fast | --soak] [options of pytest]
        python3 run.py docs
 
---fast: only what waits for nothing, a minute. --soak: many times as many examples, hours."""
+--fast: only tests that do not wait, about a minute. --soak: many times as many examples, hours."""
 # Packages to install for each command, besides the locked runtime packages. The demo keeps installed test
 # packages.
 PACKAGES = {
@@ -72,7 +72,7 @@ def find_uv() -> Path:
     own = OWN_UV / "bin" / "uv"
     if works(own):
         return own
-    say("there is no uv: making one in .venv-uv, for this folder only")
+    say("uv is missing: installing it in .venv-uv, for this folder only")
     if importlib.util.find_spec("ensurepip"):
         run(
             [sys.executable, "-m", "venv", "--clear", str(OWN_UV)], f"Python cannot make environments; {VENV}"
@@ -83,7 +83,7 @@ def find_uv() -> Path:
         pip = [sys.executable, str(fetch_pip() / "pip"), "install", *TO_FOLDER, str(OWN_UV)]
     OWN_UV.mkdir(exist_ok=True)
     (OWN_UV / ".gitignore").write_text("*\n")
-    run([*pip, "--quiet", "uv"], "pip could not install uv; look at the lines above, or install uv yourself")
+    run([*pip, "--quiet", "uv"], "pip could not install uv; see the lines above, or install uv yourself")
     return own
 
 
@@ -118,7 +118,7 @@ def install(word: str) -> None:
     if not ready:
         say("installing the packages that uv.lock pins into .venv")
     command = [str(uv), "sync", "--frozen", "--python", sys.executable, *PACKAGES[word]]
-    run(command + ["--quiet"] * ready, "uv could not install the packages; look at the lines above")
+    run(command + ["--quiet"] * ready, "uv could not install the packages; see the lines above")
     stamp.touch()
 
 
@@ -145,7 +145,7 @@ def start(arguments: list[str]) -> None:
         print(USAGE)
         return
     if not arguments or arguments[0] not in PROGRAMS:
-        raise Impossible(f"what shall be run?\n{USAGE}")
+        raise Impossible(f"the command is missing or unknown\n{USAGE}")
     word, *options = arguments
     install(word)
     if word == "test":

@@ -83,7 +83,7 @@ class QuadrupedAdapter(Adapter[QuadrupedConfig]):
     async def connect(self) -> None:
         """Start the body controller; raises LinkLost or LinkRefused."""
         robot = self.robot
-        robot.health(Health(Level.OFFLINE, "its body controller has told no state yet"))
+        robot.health(Health(Level.OFFLINE, "its body controller has not reported a state yet"))
         self._dog = load_body(self.config.body_file)
         frames = await robot.enter(received(self._dog.buses, robot.log))
         process = await robot.enter(BodyProcess(self.config, self._dog.leave_time, frames.relay))
@@ -209,7 +209,7 @@ class QuadrupedAdapter(Adapter[QuadrupedConfig]):
         if timeout is None:
             raise Unsupported("this dog's description has no battery")
         if self._body.state.battery_age is None or self._body.state.battery_age > timeout:
-            raise NotReady("the battery says nothing", hint="check its CAN frames")
+            raise NotReady("no data from the battery", hint="check its CAN frames")
         self._reporter.report_slow()
 
     @command("take_photo", timeout=10.0, moves=False, safe=True)

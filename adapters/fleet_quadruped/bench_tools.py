@@ -78,7 +78,7 @@ def _note(frame: CanFrame, found: dict[tuple[str, int], str]) -> None:
             kind = "drive (CiA 402)" if profile == 402 else f"profile {profile}"
             found["canopen", node] = f"CANopen node {node}: {kind}"
         else:
-            found.setdefault(("canopen", node), f"CANopen node {node}: refuses to tell its device type")
+            found.setdefault(("canopen", node), f"CANopen node {node}: refuses to report its device type")
     elif frame.id & ~0x7F == HEARTBEAT:
         found.setdefault(("canopen", node), f"CANopen node {node}: heartbeat, state {frame.data[:1].hex()}h")
     elif len(frame.data) in {6, 7, 8} and (frame.id == 0 or 0x10 < frame.id < 0x20):
@@ -121,7 +121,7 @@ class BenchSession:
                 return
         if held and not gives_way:
             raise LinkRefused(
-                "the drives hold the dog, and it would fall: let it down with fleet run, or take their power "
+                "the drives hold the dog, and it would fall: lower it with fleet run, or switch their power "
                 "off while it hangs"
             )
 

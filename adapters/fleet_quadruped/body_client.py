@@ -79,7 +79,7 @@ class BodyClient:
         self._heard = max(self._heard, self.state.stamp)
         silent = self.now() - self._heard
         if silent > _SILENT:
-            cause = f"the body controller is frozen: it has told nothing for {silent:.1f} s"
+            cause = f"the body controller is frozen: no state for {silent:.1f} s"
             self._robot.health(Health(Level.OFFLINE, cause))
             raise LinkLost(cause)
 

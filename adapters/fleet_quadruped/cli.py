@@ -86,7 +86,7 @@ def check_command(body: Path, buses: tuple[str, ...], *, move: bool) -> int:
         if isinstance(dog, DogDescription):
             found, good = _checked(dog, opened, move=move)
         else:
-            found, good = listen(dog, opened, SystemClock()).missing, "the machine tells its state"
+            found, good = listen(dog, opened, SystemClock()).missing, "the machine reports its state"
     verdict = f"{len(found)} problems" if found else good
     _show([*lines, *found, verdict])
     return 1 if found else 0
@@ -97,7 +97,7 @@ def _checked(dog: DogDescription, buses: Mapping[str, CanBus], *, move: bool) ->
     told = BenchSession(dog, buses, SystemClock()).settle()
     found = problems(dog.all_joints, told) or at_rest(dog, tuple(each.angle for each in told))
     if found or not move:
-        return found, "all twelve drives answer, where their joints can be; --move shows signs and offsets"
+        return found, "all twelve drives answer, within their joints' limits; --move shows signs and offsets"
     click.echo("It will fold its legs, crouch, and lean by up to 10 degrees. Any key stops it.", err=True)
     click.confirm("Does it lie on its belly on a level floor, and is everybody clear?", abort=True, err=True)
     pressed, controller = AbortInput(), Controller(dog, buses)
@@ -194,7 +194,7 @@ def jog_command(body: Path, buses: tuple[str, ...], name: str, degrees: float, t
     most = MOST_SHARE * joint.kind.torque
     jog = Jog(joint, math.radians(degrees), torque or 0.1 * joint.kind.torque)
     if not abs(degrees) >= LEAST_DEGREES:
-        raise LinkRefused(f"--degrees {degrees:g}: less than {LEAST_DEGREES:g} is not seen")
+        raise LinkRefused(f"--degrees {degrees:g}: less than {LEAST_DEGREES:g} is not visible")
     if not jog.torque <= most:
         raise LinkRefused(f"--torque {jog.torque:g}: at most {most:.1f} N m for {name} on the bench")
     way = direction(joint, forwards=degrees > 0)
@@ -227,7 +227,7 @@ def _with_joints(body: Path) -> DogDescription:
     """Return the description of a robot with joints; raises ConfigError for a self-walking machine."""
     dog = load_body(body)
     if isinstance(dog, SelfWalker):
-        raise ConfigError(f"{body}: this machine walks by itself; it has no drives of ours")
+        raise ConfigError(f"{body}: this machine walks on its own; fleet does not control its drives")
     return dog
 
 

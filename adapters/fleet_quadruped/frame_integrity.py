@@ -16,9 +16,9 @@ class Counter(BaseModel):
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
-    at: int = Field(ge=0, le=7, description="Its byte.")
-    bits: Literal[4, 8] = Field(8, description="4: half of the byte.")
-    shift: Literal[0, 4] = Field(0, description="4: the upper half.")
+    at: int = Field(ge=0, le=7, description="Position of the byte.")
+    bits: Literal[4, 8] = Field(8, description="4: one half of the byte.")
+    shift: Literal[0, 4] = Field(0, description="4: the upper half of the byte.")
 
     @property
     def mask(self) -> int:
@@ -31,10 +31,10 @@ class Checksum(BaseModel):
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
-    at: int = Field(ge=0, le=7, description="Its byte.")
-    kind: Literal["sum", "xor", "crc8"] = Field("sum", description="crc8: that of SAE J1850.")
+    at: int = Field(ge=0, le=7, description="Position of the byte.")
+    kind: Literal["sum", "xor", "crc8"] = Field("sum", description="crc8 is the CRC of SAE J1850.")
     header: bool = Field(
-        False, description="The identifier's two bytes and the length count, too, as in AgileX's version 1."
+        False, description="Also covers the identifier's two bytes and the length, as in AgileX's version 1."
     )
 
     def of(self, identifier: int, data: bytes) -> int:
@@ -49,8 +49,8 @@ class Checksum(BaseModel):
 class ProtectedFrame(BaseModel):
     """A frame with an optional counter and an optional checksum."""
 
-    counter: Counter | None = Field(None, description="A number that goes on with each frame.")
-    checksum: Checksum | None = Field(None, description="A byte that is made of the others.")
+    counter: Counter | None = Field(None, description="Counter that increases with each frame.")
+    checksum: Checksum | None = Field(None, description="Checksum over the other bytes.")
 
     @property
     def integrity_bytes(self) -> dict[int, str]:

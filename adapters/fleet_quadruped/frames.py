@@ -34,10 +34,10 @@ class Number(BaseModel):
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
-    type: Type = Field(description="How it is stored.")
-    scale: Annotated[float, AfterValidator(_scale)] = Field(1.0, description="Value of one unit.")
+    type: Type = Field(description="Raw data type.")
+    scale: Annotated[float, AfterValidator(_scale)] = Field(1.0, description="Value of one raw unit.")
     offset: float = Field(0.0, description="Value of raw zero.")
-    invalid: int | None = Field(None, description="Raw number that means: not known.")
+    invalid: int | None = Field(None, description="Raw number that means that the value is unknown.")
 
     @property
     def farthest(self) -> float:
@@ -62,13 +62,11 @@ class FrameMap(ProtectedFrame):
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
-    id: int = Field(ge=0, le=0x1FFFFFFF, description="Identifier; beyond 7FFh it is an extended one.")
-    fields: dict[str, FieldMap] = Field(min_length=1, description="The values in it.")
-    dlc: int | None = Field(
-        None, ge=1, le=8, description="Its bytes, where there are more than its values need."
-    )
+    id: int = Field(ge=0, le=0x1FFFFFFF, description="Identifier; extended above 7FFh.")
+    fields: dict[str, FieldMap] = Field(min_length=1, description="Values in the frame.")
+    dlc: int | None = Field(None, ge=1, le=8, description="Length in bytes, if longer than the values need.")
     data: str = Field(
-        "", pattern=r"^([0-9a-fA-F]{2}){0,8}$", description="Hex: what is in its bytes besides the values."
+        "", pattern=r"^([0-9a-fA-F]{2}){0,8}$", description="Constant data in the other bytes, hex."
     )
 
     @model_validator(mode="after")

@@ -95,7 +95,7 @@ class Jogger:
             except LinkError:  # the reason for the end matters more, and is raised
                 name = self._jog.joint.name
                 log.warning(
-                    "%s: its torque is limited still; take its power off and on before it stands", name
+                    "%s: its torque is still limited; switch its power off and on before it stands", name
                 )
             raise
         self._brake()
@@ -139,7 +139,7 @@ class Jogger:
         for _ in range(math.ceil(_OFF / self._dt)):
             if self._bench.look()[0].power in {Power.DISABLED, Power.FAULT}:
                 return
-        log.warning("%s: its drive was not seen to be off; take its power off", self._jog.joint.name)
+        log.warning("%s: its drive did not report off; switch its power off", self._jog.joint.name)
 
 
 def ramp(start: float, step: float, dt: float) -> Iterator[float]:

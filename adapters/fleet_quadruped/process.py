@@ -133,4 +133,4 @@ async def _left(process: asyncio.subprocess.Process, within: float) -> None:
 def _error(message: StatusMessage) -> LinkLost | LinkRefused:
     if message.refused:
         return LinkRefused(message.refused)
-    return LinkLost(message.lost or "the body controller left")
+    return LinkLost(message.lost or "the body controller ended")

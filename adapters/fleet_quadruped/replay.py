@@ -78,7 +78,7 @@ class Replay:
             if joint.name in self.wanted and (not only or joint.name == only)
         ]
         if not pairs:
-            return f"{only:8} was sent nowhere"
+            return f"{only:8} was sent no target"
         joint, told = max(pairs, key=lambda pair: abs(self.wanted[pair[0].name] - pair[1].angle))
         return (
             f"{joint.name:8} wanted {self.wanted[joint.name]:7.3f} rad, is at {told.angle:7.3f}, "

@@ -86,7 +86,7 @@ class BodyReporter:
 
 def new_origin(stamp: float) -> LogReport:
     """Return the log message about a reset of odometry: former positions have another origin."""
-    return LogReport(stamp, "WARNING", "odometry begins anew: position 0, 0 is where the dog is now")
+    return LogReport(stamp, "WARNING", "odometry was reset: position 0, 0 is where the dog is now")
 
 
 def slow_reports(

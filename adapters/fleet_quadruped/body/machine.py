@@ -228,7 +228,8 @@ class BodyStateMachine:
         targets = way.step(dt, braked=bool(sense.braked))
         if way.stuck:
             self.fault = (
-                f"{sense.braked}: it is held and cannot be lowered; hold the dog: reset_faults lets go"
+                f"{sense.braked}: it is held and cannot be lowered; "
+                "hold the dog: reset_faults switches torque off"
             )
         if way.done:
             self._enter(Mode.OFF)
@@ -257,7 +258,7 @@ class BodyStateMachine:
             self._enter(Mode.SITTING)
             self._motion = folding(self._dog, sense.angles, self._dog.poses.sit_time)
         elif sense.imu is not None and sense.imu.tilt > _LEANS:
-            self.trip(Trip(Stage.DAMP, f"check: leans by {sense.imu.tilt:.2f} rad, where it is not sent"))
+            self.trip(Trip(Stage.DAMP, f"check: leans by {sense.imu.tilt:.2f} rad without a command"))
         return BodyOutput(DriveAction.HOLD, targets)
 
     _STEPS: ClassVar[Mapping[Mode, Callable[[BodyStateMachine, float, Sense, Twist, str], BodyOutput]]] = {

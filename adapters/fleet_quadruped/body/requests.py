@@ -76,7 +76,7 @@ def _not_upright(hint: str) -> Callable[[Imu | None, bool], str]:
 
 def _cannot_recover(imu: Imu | None, can_roll: bool) -> str:  # noqa: FBT001 - table signature
     if imu is None:
-        return "without an IMU nobody knows how it lies"
+        return "its attitude is unknown without an IMU"
     if imu.up < UPRIGHT_FROM and not can_roll:
         return "it is not upright and its description has no roll poses; put it on its feet"
     return ""
@@ -84,7 +84,7 @@ def _cannot_recover(imu: Imu | None, can_roll: bool) -> str:  # noqa: FBT001 - t
 
 def _cannot_be_checked(imu: Imu | None, _can_roll: bool) -> str:  # noqa: FBT001 - table signature
     if imu is None:
-        return "without an IMU nobody knows how it lies"
+        return "its attitude is unknown without an IMU"
     if imu.tilt > _LEVEL:
         return f"it lies tilted by {imu.tilt:.2f} rad; put it on a level floor, on its belly"
     return ""

@@ -58,7 +58,7 @@ class Walker:
     def change_height(self, change: float) -> str:
         """Change the height by ``change`` (m), within the gait's limits; return why not, or ""."""
         if not math.isfinite(change):
-            return f"{change} is no height"
+            return f"{change} is not a height"
         gait = self._dog.gait
         self.wanted_height = max(gait.lowest, min(gait.highest, self.wanted_height + change))
         return ""

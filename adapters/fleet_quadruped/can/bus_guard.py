@@ -22,6 +22,6 @@ def require_sole_controller(buses: Mapping[str, CanBus], ours: Collection[Addres
             for frame in bus.receive(0.02):
                 if (name, frame.id) in ours:
                     raise LinkLost(
-                        f"bus {name!r}: another controller speaks to the drives (frame {frame.id:03X}h); "
+                        f"bus {name!r}: another controller commands the drives (frame {frame.id:03X}h); "
                         "only one may: end the other, or wait until it has sat the dog down"
                     )

@@ -133,9 +133,9 @@ def _save(path: Path, frames: list[Captured]) -> None:
         for old in others[: 1 - FILES]:  # never the new one, even if the clock was set back
             old.unlink()
     except OSError as error:
-        log.warning("what was on the buses before the fault could not be written: %s", error)
+        log.warning("the bus traffic before the fault could not be written: %s", error)
         return
-    log.warning("what was on the buses before the fault is in %s", path)
+    log.warning("the bus traffic before the fault is in %s", path)
 
 
 def _line(captured: Captured) -> str:
@@ -154,11 +154,11 @@ def read_capture(path: Path) -> Iterator[Captured]:
     except OSError as error:
         raise ConfigError(f"{path}: {error.strerror}") from None
     except UnicodeDecodeError:
-        raise ConfigError(f"{path}: is no candump log") from None
+        raise ConfigError(f"{path}: is not a candump log") from None
     for number, line in enumerate(lines, start=1):
         match = _LINE.fullmatch(line)
         if match is None:
-            raise ConfigError(f"{path}:{number}: is no line of a candump log: {line[:60]!r}")
+            raise ConfigError(f"{path}:{number}: is not a line of a candump log: {line[:60]!r}")
         time, bus, identifier, mark, data, way = match.groups()
         frame = CanFrame(int(identifier, 16), bytes.fromhex(data), mark == "#1", mark == "R")
         yield Captured(float(time), bus, frame, way == "T")

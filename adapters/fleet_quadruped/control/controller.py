@@ -178,7 +178,7 @@ class Controller:
         if bus:
             return f"bus {bus!r}: its drives are silent"
         name = self.drives.braking()
-        return f"{name}: its drive does not go on from its quick stop" if name else ""
+        return f"{name}: its drive does not leave quick stop" if name else ""
 
     def _await_feedback(self) -> bool:
         """Return True once all drives have reported whether they hold the robot; nothing is written before.
@@ -193,7 +193,7 @@ class Controller:
         self._feedback_complete, self._writer.last = True, self._joints.angles
         held = holding(self.dog.all_joints, self._joints)
         if held:
-            log.warning("%s: the dog may be held by its drives, and is let down", held)
+            log.warning("%s: the dog may be held by its drives, and is lowered", held)
             self.body.lower()
         return True
 
@@ -243,7 +243,7 @@ class Controller:
     def _warning(self, now: float) -> str:
         """Return the warning for the operator, empty without one."""
         if self.body.mode is Mode.DAMPED and not self.body.fault:
-            return "it may have been held by its drives, and is let down"
+            return "it may have been held by its drives, and is lowered"
         share = self.body.walker.speed_share
         if share < 1.0:
             return f"joints are warm: speed is held to {share:.0%}"

@@ -199,7 +199,7 @@ class Loop:
             self._dismissed = True
             return
         if not self._dismissed:
-            log.warning("the process that gives orders is gone: the dog sits down")
+            log.warning("the process that sends orders is gone: the dog sits down")
         self._orphan = True
 
     def _count(self, now: float, took: float) -> None:

@@ -48,7 +48,7 @@ class OrderTracker:
                 body.fault = body.fault or _STOP_TRIP.cause
         silent = now - order.alive
         if order.leave or silent > self._abandoned:
-            why = TOLD_TO_LEAVE if order.leave else f"nothing heard from its host for {silent:.0f} s"
+            why = TOLD_TO_LEAVE if order.leave else f"no contact with its host for {silent:.0f} s"
             body.trip(Trip(Stage.SIT, why))
 
     def _release(self, ask: BodyRequest) -> None:

@@ -122,7 +122,7 @@ class BodySensors:
         if told is None or described is None:
             return ""
         if min(told.age(now), now - begun) > described.timeout:
-            return f"battery: silent on bus {described.bus}; nobody sees it run empty: check its frames"
+            return f"battery: silent on bus {described.bus}; it may run empty unnoticed: check its frames"
         percent = told.values.get("percent")
         if percent is not None and percent <= described.warn:
             return f"battery at {percent:.0f} %"

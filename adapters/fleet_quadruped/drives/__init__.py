@@ -52,7 +52,7 @@ def drive_kind(protocol: str) -> Kind:
     kind = load_entry(DRIVES, protocol)
     missing = [name for name in _ASKED if not callable(getattr(kind, name, None))]
     if missing or not callable(kind):
-        raise ConfigError(f"{protocol!r} is no class of joint drives: it has no {', '.join(missing)}")
+        raise ConfigError(f"{protocol!r} is not a class of joint drives: it has no {', '.join(missing)}")
     return cast("Kind", kind)
 
 
@@ -61,7 +61,7 @@ def load_entry(group: str, name: str) -> Any:
     points = entry_points(group=group)
     found = points.select(name=name)
     if not found:
-        known = ", ".join(sorted(points.names)) or "none; install zenoh-fleet anew"
+        known = ", ".join(sorted(points.names)) or "none; reinstall zenoh-fleet"
         raise ConfigError(f"there is no {name!r}; there are {known}")
     if len({point.value for point in found}) > 1:
         places = ", ".join(sorted(point.value for point in found))

@@ -46,7 +46,7 @@ class DampingDrive(ReportingDrive):
 
     def let_go_as(self, said: str) -> str:
         """Return the fault of a drive that took its torque off by itself, with its report."""
-        return f"id {self.id} let go by itself ({said}); it is configured again after a reset"
+        return f"id {self.id} switched its torque off ({said}); it is configured again after a reset"
 
 
 DampingT = TypeVar("DampingT", bound=DampingDrive)

@@ -197,7 +197,7 @@ def _imu(dog: DogDescription) -> list[str]:
     wanted = (EULER if told & EULER and not told & QUATERNION else QUATERNION) | RATES
     problems = [f"imu: {name} is in none of its frames" for name in sorted(wanted - told)]
     if told & EULER and told & QUATERNION:
-        problems.append("imu: it tells its attitude twice, as qw to qz and as roll, pitch, yaw; keep one")
+        problems.append("imu: it reports its attitude twice, as qw to qz and as roll, pitch, yaw; keep one")
     return problems
 
 

@@ -28,8 +28,8 @@ def _height(frame: FrameMap) -> FrameMap:
 class FixedFrame(Section, ProtectedFrame):
     """A frame with constant data, except for a counter and a checksum."""
 
-    id: int = Field(ge=0, le=0x1FFFFFFF, description="Identifier; beyond 7FFh it is an extended one.")
-    data: str = Field(pattern=r"^([0-9a-fA-F]{2}){0,8}$", description="All of its data, hex.")
+    id: int = Field(ge=0, le=0x1FFFFFFF, description="Identifier; extended above 7FFh.")
+    data: str = Field(pattern=r"^([0-9a-fA-F]{2}){0,8}$", description="Data of the frame, hex.")
 
     @model_validator(mode="after")
     def _room(self) -> FixedFrame:
@@ -50,15 +50,17 @@ class Frames(Section):
     """Frames by meaning. A command is repeated until the state shows that it was accepted."""
 
     velocity: Annotated[FrameMap, AfterValidator(_axes)] = Field(description="Sent in every cycle.")
-    start: tuple[FixedFrame, ...] = Field((), description="Sent once, when the bus has been opened.")
+    start: tuple[FixedFrame, ...] = Field((), description="Sent once after the bus is opened.")
     stand_up: FixedFrame
     sit_down: FixedFrame
-    emergency_stop: FixedFrame = Field(description="Its firmest stop that lets it down slowly.")
+    emergency_stop: FixedFrame = Field(description="Fastest stop that lowers the machine gently.")
     recovery_stand: FixedFrame | None = None
     reset_faults: FixedFrame | None = None
     height: Annotated[FrameMap, AfterValidator(_height)] | None = Field(None, description="Standing height.")
-    state: tuple[FrameMap, ...] = Field(min_length=1, description="What it tells in every cycle.")
-    slow: tuple[FrameMap, ...] = Field((), description="What it tells now and then: percent, voltage.")
+    state: tuple[FrameMap, ...] = Field(
+        min_length=1, description="State that the machine sends in every cycle."
+    )
+    slow: tuple[FrameMap, ...] = Field((), description="Values sent at a lower rate: percent, voltage.")
 
     @model_validator(mode="after")
     def _alike(self) -> Frames:

@@ -48,8 +48,8 @@ class Setting(Section):
 
     index: int = Field(ge=0x1000, le=0xFFFF, description="Index of the object.")
     sub: int = Field(0, ge=0, le=255, description="Subindex of the object.")
-    type: Literal["u8", "u16", "u32"] = Field(description="How it is stored.")
-    value: int = Field(ge=0, le=0xFFFFFFFF, description="What is written.")
+    type: Literal["u8", "u16", "u32"] = Field(description="Data type.")
+    value: int = Field(ge=0, le=0xFFFFFFFF, description="Value to write.")
 
     def object(self, what: str) -> Object:
         """Return the object to be written."""
@@ -71,19 +71,19 @@ def _fit(entries: dict[str, Entry]) -> dict[str, Entry]:
 class Objects(Section):
     """Objects by meaning. The machine's heartbeat consumer (1016h) is armed with ``silence``."""
 
-    node: int = Field(ge=1, le=126, description="Its node id.")
-    setup: tuple[Setting, ...] = Field((), description="Written when the bus has been opened, and read back.")
+    node: int = Field(ge=1, le=126, description="Node ID.")
+    setup: tuple[Setting, ...] = Field((), description="Written after the bus is opened, and read back.")
     velocity: Annotated[dict[str, Entry], AfterValidator(_axes), AfterValidator(_fit)] = Field(
-        description="Its velocity: x, y, turn."
+        description="Velocity: x, y, turn."
     )
     stand_up: Setting
     sit_down: Setting
-    emergency_stop: Setting = Field(description="Its firmest stop that lets it down slowly.")
+    emergency_stop: Setting = Field(description="Fastest stop that lowers the machine gently.")
     recovery_stand: Setting | None = None
     reset_faults: Setting | None = None
     height: Entry | None = Field(None, description="Standing height.")
-    state: Annotated[dict[str, Entry], AfterValidator(_fit)] = Field(description="What it tells every cycle.")
-    slow: dict[str, Entry] = Field({}, description="What it tells now and then: percent, voltage, current.")
+    state: Annotated[dict[str, Entry], AfterValidator(_fit)] = Field(description="State sent in every cycle.")
+    slow: dict[str, Entry] = Field({}, description="Values sent at a lower rate: percent, voltage, current.")
 
 
 def wire_of(objects: Objects, silence: float) -> Wire:

@@ -191,7 +191,7 @@ class SelfWalkController:
             self._stop(EMERGENCY_STOP, now)
         silent = now - order.alive
         if order.leave or silent > self.walker.safety.abandoned:
-            self._sit(TOLD_TO_LEAVE if order.leave else f"nothing heard from its host for {silent:.0f} s")
+            self._sit(TOLD_TO_LEAVE if order.leave else f"no contact with its host for {silent:.0f} s")
         percent = self._told.percent
         if percent is not None and percent <= self.walker.sit_at:
             self._sit(f"battery: {percent:.0f} %, it sits down at {self.walker.sit_at:g} %")
@@ -203,7 +203,7 @@ class SelfWalkController:
         frame = self._wire.commands.get(NAMES[ask])
         if ask is BodyRequest.RESET:
             if self._stop_repeat.pending:
-                return None, "it has not obeyed the emergency stop yet"
+                return None, "it has not carried out the emergency stop yet"
             self.fault = ""
             return frame, ""
         if frame is None:
@@ -216,7 +216,7 @@ class SelfWalkController:
     def _not_now(self, ask: BodyRequest) -> str:
         """Return why it cannot get up now; a request that the host lets through clears an emergency stop."""
         if self._told.is_stale:
-            return "the machine tells no state"
+            return "the machine reports no state"
         if self._told.mode is not Mode.OFF and self._told.mode not in TAKEN[ask]:
             return f"it is {self._told.mode.value}"
         if self.fault == EMERGENCY_STOP:

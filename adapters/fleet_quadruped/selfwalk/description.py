@@ -32,7 +32,7 @@ class SelfWalker(Section):
 
     robot: Machine
     buses: dict[str, Bus] = Field(min_length=1, max_length=1)
-    cycle_hz: int = Field(50, ge=10, le=200, description="Velocities a second.")
+    cycle_hz: int = Field(50, ge=10, le=200, description="Velocities sent per second.")
     silence: float = Field(
         ge=0.05,
         le=1.0,
@@ -42,17 +42,19 @@ class SelfWalker(Section):
     timeout: float = Field(0.2, gt=0, le=2, description="Silence after which its state is stale, s.")
     slow_timeout: Positive = Field(5.0, description="Silence after which its slow values are stale, s.")
     pace: Pace = Pace()
-    height: Positive = Field(0.27, description="Height at which it stands up, m.")
+    height: Positive = Field(0.27, description="Standing height after standing up, m.")
     lowest: Positive = Field(0.15, description="Lowest standing height, m.")
     highest: Positive = Field(0.32, description="Highest standing height, m.")
     modes: dict[int, Annotated[Mode, BeforeValidator(_word)]] = Field(
-        description="What the numbers of its mode mean."
+        description="Meaning of its mode numbers."
     )
-    errors: dict[int, str] = Field({}, description="What the numbers of its error mean; 0 is none.")
-    frames: Frames | None = Field(None, description="It speaks frames of its own.")
-    objects: Objects | None = Field(None, description="It has a CANopen object dictionary.")
-    warn: float = Field(25, ge=0, le=100, description="Percent of battery from which health is degraded.")
-    sit_at: float = Field(10, ge=0, le=100, description="Percent of battery at which it sits down.")
+    errors: dict[int, str] = Field({}, description="Meaning of its error numbers; 0 is no error.")
+    frames: Frames | None = Field(None, description="Messages of a machine with proprietary frames.")
+    objects: Objects | None = Field(
+        None, description="Messages of a machine with a CANopen object dictionary."
+    )
+    warn: float = Field(25, ge=0, le=100, description="Battery percentage at which health becomes degraded.")
+    sit_at: float = Field(10, ge=0, le=100, description="Battery percentage at which it sits down.")
     led: Switch | None = None
     safety: Watch = Watch()
 
@@ -62,7 +64,7 @@ class SelfWalker(Section):
         if (self.frames is None) == (self.objects is None):
             raise ValueError("give either frames or objects")
         told = names_of(self.wire.state)
-        problems = [f"state: it must tell {name}" for name in _MUST_TELL if name not in told]
+        problems = [f"state: it must report {name}" for name in _MUST_TELL if name not in told]
         problems += [
             f"modes: no number means {mode.value}" for mode in _MUST_BE if mode not in self.modes.values()
         ]

@@ -46,7 +46,7 @@ class Telemetry:
         number = round(values.get("mode", -1))
         self.mode = self._walker.modes.get(number, Mode.OFF)
         known = number in self._walker.modes
-        self.unnamed = "" if known else f"it says mode {number}, which modes does not name"
+        self.unnamed = "" if known else f"it reports mode {number}, which is not in modes"
         error = round(values.get("error", 0))
         self.error = f"{self._walker.errors.get(error, 'error')} (error {error})" if error else ""
         self.imu = imu_of(values)

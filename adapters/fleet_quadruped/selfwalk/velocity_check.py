@@ -31,9 +31,9 @@ class VelocityCheck:
         self._running = self._running + dt if still and moves else 0.0
         self.why = self.runs = ""
         if self._idle > _SLACK:
-            self.why = f"asked {_words(asked)}, tells {_words(told)}: it is blocked, or does not obey"
+            self.why = f"requested {_words(asked)}, reports {_words(told)}: it is blocked, or does not follow"
         if self._running > _HALT:
-            self.runs = f"asked to stand still, tells {_words(told)}"
+            self.runs = f"requested to stand still, reports {_words(told)}"
 
 
 def _idles(asked: Twist, told: Twist) -> bool:

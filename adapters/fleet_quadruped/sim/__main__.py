@@ -39,7 +39,7 @@ def main(arguments: list[str]) -> int:
     )
     parser.add_argument("--body", type=Path, default=EXAMPLE, help="the dog's description")
     parser.add_argument(
-        "--bus", action="append", required=True, metavar="NAME=URL", help="a bus and where it is"
+        "--bus", action="append", required=True, metavar="NAME=URL", help="name and URL of a bus"
     )
     parser.add_argument("--world", choices=sorted(WORLDS), default="auto")
     parser.add_argument("--faults", default="", help=", ".join(ALL_FAULTS))

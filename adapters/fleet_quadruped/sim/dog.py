@@ -51,7 +51,7 @@ class SimDog:
         check_fault(name, value, ALL_FAULTS)
         if ALL_FAULTS[name].startswith("joint"):
             if not 1 <= value <= len(self.dog.all_joints):
-                raise ValueError(f"fault {name}: {value:g} is no {ALL_FAULTS[name]}")
+                raise ValueError(f"fault {name}: {value:g} is not a valid value ({ALL_FAULTS[name]})")
             self._fault_on(int(value) - 1, name)
         elif name in SENSOR_FAULTS:
             self._sensors.faults[name] = value

@@ -23,9 +23,9 @@ DOG_FAULTS: Mapping[str, str] = MappingProxyType(
         "mode": "joint 1 to 12 whose drive (CiA 402) does not take its mode",
         "twin": "joint 1 to 12 at whose id there is a second drive",
         "jump": "joint 1 to 12 whose encoder jumps by 0.5 rad",
-        "stuck": "joint 1 to 12 whose encoder says the same for ever",
-        "weak": "joint 1 to 12 whose motor has no force any more",
-        "lazy": "joint 1 to 12 whose drive misses the first times that it is to be enabled",
+        "stuck": "joint 1 to 12 whose encoder is frozen",
+        "weak": "joint 1 to 12 whose motor produces no torque",
+        "lazy": "joint 1 to 12 whose drive ignores the first commands to enable it",
         "stranger": "joint 1 to 12 at whose id another device is",
         "abort": "joint 1 to 12 whose drive refuses its PDO mapping",
         "volts": "voltage of the supply",
@@ -35,12 +35,12 @@ DOG_FAULTS: Mapping[str, str] = MappingProxyType(
 WALKER_FAULTS: Mapping[str, str] = MappingProxyType(
     {
         **WIRE_FAULTS,
-        "mute": "any number: it says nothing any more",
-        "battery": "percent that the battery has",
-        "error": "number of its error",
-        "tip": "rad that it is tilted",
-        "idle": "any number: it stands still whatever velocity it is asked",
-        "runs": "any number: it walks at 0.5 m/s whatever it is asked",
+        "mute": "any number: it is silent",
+        "battery": "battery percentage",
+        "error": "error number",
+        "tip": "tilt, rad",
+        "idle": "any number: it ignores velocities and stands still",
+        "runs": "any number: it ignores velocities and walks at 0.5 m/s",
     }
 )
 """Faults of a self-walking machine."""

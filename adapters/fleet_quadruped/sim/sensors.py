@@ -17,10 +17,10 @@ from fleet_quadruped.sim.world import World
 SENSOR_FAULTS: Mapping[str, str] = MappingProxyType(
     {
         "imu": "the IMU is silent",
-        "frozen": "the IMU says the same for ever",
+        "frozen": "the IMU's values are frozen",
         "upside": "the IMU is mounted upside down",
         "bms": "the battery is silent",
-        "battery": "percent that the battery has",
+        "battery": "battery percentage",
     }
 )
 _BATTERY_EVERY = 1.0  # s

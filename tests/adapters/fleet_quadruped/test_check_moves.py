@@ -28,7 +28,7 @@ def test_a_dog_that_is_refused_is_told_with_the_reason(dog):
     rig, clock = Rig(dog.model_copy(update={"imu": None})), ManualClock()
     moves = CheckMoves(dog, clock, lambda: False)
     run(rig, moves, clock)
-    assert moves.ended == "without an IMU nobody knows how it lies"
+    assert moves.ended == "its attitude is unknown without an IMU"
     assert moves.looks == []
 
 

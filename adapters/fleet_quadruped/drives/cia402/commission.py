@@ -38,7 +38,7 @@ _READ_ONLY = 0x06010002
 _NO_OBJECT = 0x06020000
 _NO_SUB = 0x06090011
 _ABORTS = {
-    0x05040000: "the drive did not go on with the transfer",
+    0x05040000: "the drive did not continue the transfer",
     0x06010002: "it is read-only",
     0x06020000: "the drive has no such object",
     0x06040041: "it cannot be mapped to a PDO",

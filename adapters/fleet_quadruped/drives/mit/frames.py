@@ -193,5 +193,5 @@ def timeout_value(seconds: float) -> bytes:
 def _within(value: float, low: float, high: float) -> float:
     """Clamp a number to its range in a frame; raises ValueError for NaN and infinity."""
     if not math.isfinite(value):
-        raise ValueError(f"a motor cannot be sent {value}")
+        raise ValueError(f"cannot send {value} to a motor")
     return max(low, min(high, value))

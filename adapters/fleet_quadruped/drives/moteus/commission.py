@@ -79,7 +79,7 @@ def _check_home(servo: MoteusServo) -> None:
     """Raise LinkRefused for a position without a known reference."""
     joint = servo.joint
     if servo.home == wire.REFERS_TO_NOTHING:
-        raise LinkRefused(f"{joint.name}: its position refers to nothing (register 00Ch is 0): home it")
+        raise LinkRefused(f"{joint.name}: its position has no reference (register 00Ch is 0): home it")
     if servo.home == wire.REFERS_TO_ROTOR and joint.kind.ratio != 1:
         raise LinkRefused(
             f"{joint.name}: its position refers to the rotor (register 00Ch is 1), and the joint "
@@ -110,5 +110,5 @@ def _number(servo: MoteusServo, name: str, text: str) -> float:
     except ValueError:
         value = math.nan
     if not math.isfinite(value):
-        raise LinkRefused(f"{servo.joint.name}: {name} is {text!r}, which is no number")
+        raise LinkRefused(f"{servo.joint.name}: {name} is {text!r}, which is not a number")
     return value

@@ -31,7 +31,7 @@ REFERS_TO_NOTHING, REFERS_TO_ROTOR, REFERS_TO_OUTPUT = 0, 1, 2
 FAULTS: Mapping[int, str] = MappingProxyType(
     {
         32: "calibration fault",
-        33: "over-current, or its supply gave way",
+        33: "over-current, or its supply voltage dropped",
         34: "over-voltage",
         35: "encoder fault",
         36: "motor not calibrated",
@@ -113,9 +113,9 @@ def pack_demand(mode: int, demand: Demand) -> bytes:
     position, *others = demand
     for value in others:
         if not math.isfinite(value):
-            raise ValueError(f"a motor cannot be sent {value}")
+            raise ValueError(f"cannot send {value} to a motor")
     if math.isinf(position):
-        raise ValueError(f"a motor cannot be sent {position}")
+        raise ValueError(f"cannot send {position} to a motor")
     *first, watchdog = others
     numbers = _WRITE_COMMAND.pack(*_COMMAND_HEAD, position, *first, math.nan, watchdog)
     return _padded(_WRITE_MODE + bytes([mode]) + numbers + _NO_LIMITS + QUERY)

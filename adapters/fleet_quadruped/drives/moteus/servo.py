@@ -74,7 +74,7 @@ class MoteusServo(DampingDrive):
         if self.restarted:
             return self.let_go_as("mode 0")
         known = mode == wire.OBEYS or mode in _POWERS
-        return "" if known else f"id {self.id} is in mode {mode}, which we did not ask for"
+        return "" if known else f"id {self.id} is in mode {mode}, which was not commanded"
 
     def torque_limit(self, most: float | None = None) -> float:
         """Return the torque limit (N m of the motor), at most that of the joint."""

@@ -230,5 +230,5 @@ def _thousandths(value: float) -> int:
 def finite(value: float) -> float:
     """Return the number; raises ValueError for NaN and infinity."""
     if not math.isfinite(value):
-        raise ValueError(f"a motor cannot be sent {value}")
+        raise ValueError(f"cannot send {value} to a motor")
     return value

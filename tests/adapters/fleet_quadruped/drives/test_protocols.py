@@ -182,7 +182,7 @@ def test_an_imu_may_tell_roll_pitch_and_yaw(write_dog):
     [
         (("roll", "pitch"), "imu: yaw is in none of its frames"),
         (("qw", "qx", "qy"), "imu: qz is in none of its frames"),
-        (("qw", "qx", "qy", "roll"), "imu: it tells its attitude twice"),
+        (("qw", "qx", "qy", "roll"), "imu: it reports its attitude twice"),
     ],
 )
 def test_an_imu_that_does_not_tell_its_attitude_is_refused(write_dog, names, told):

@@ -130,7 +130,7 @@ def test_a_reset_does_not_end_an_emergency_stop_that_the_machine_has_not_obeyed(
     standing.go(0.5, Twist(0.5))
     standing.emergency()
     standing.go(0.5, Twist(0.5))
-    assert standing.ask(BodyRequest.RESET) == "it has not obeyed the emergency stop yet"
+    assert standing.ask(BodyRequest.RESET) == "it has not carried out the emergency stop yet"
     standing.go(0.5, Twist(0.5))
     assert set(asked(standing)[-1].values()) == {0.0}
     standing.machine._commands = obeyed
@@ -295,7 +295,7 @@ def test_a_machine_that_is_asked_to_walk_and_stands_is_told(standing):
     standing.go(2.5, Twist(0.5))
     assert standing.state.warning == (
         f"{standing.walker.robot.name}: asked 0.50 m/s and 0.00 rad/s, tells 0.00 m/s and 0.00 rad/s: "
-        "it is blocked, or does not obey"
+        "it is blocked, or does not follow"
     )
     standing.go(0.1)
     assert standing.state.fault == ""
@@ -313,6 +313,6 @@ def test_a_machine_that_walks_unasked_is_stopped(standing):
     standing.machine.fault("runs")
     standing.go(2.2)
     assert standing.state.fault == (
-        f"{standing.walker.robot.name}: asked to stand still, tells 0.50 m/s and 0.00 rad/s"
+        f"{standing.walker.robot.name}: requested to stand still, tells 0.50 m/s and 0.00 rad/s"
     )
     assert standing.state.mode == "damped"
