@@ -7,7 +7,7 @@ from typing import ClassVar
 
 from fleet import GeoPoint
 from fleet_mavlink.ardupilot_flavour import ArduPilotFlavour
-from fleet_mavlink.constants import AUTOPILOT, Cmd, Frame
+from fleet_mavlink.constants import AUTOPILOT, Cmd, Frame, mode_names
 from fleet_mavlink.messages import CommandLong, SetPositionTargetGlobalInt
 
 _PLACE_AND_YAW = 0x9F8  # type_mask: ignore everything except position and yaw
@@ -16,33 +16,7 @@ _PLACE_AND_YAW = 0x9F8  # type_mask: ignore everything except position and yaw
 class ArduCopter(ArduPilotFlavour):
     """ArduPilot for multirotors. Holds in BRAKE: without a pilot's stick, LOITER would descend."""
 
-    modes: ClassVar[Mapping[int, str]] = {
-        0: "STABILIZE",
-        1: "ACRO",
-        2: "ALT_HOLD",
-        3: "AUTO",
-        4: "GUIDED",
-        5: "LOITER",
-        6: "RTL",
-        7: "CIRCLE",
-        9: "LAND",
-        11: "DRIFT",
-        13: "SPORT",
-        14: "FLIP",
-        15: "AUTOTUNE",
-        16: "POSHOLD",
-        17: "BRAKE",
-        18: "THROW",
-        19: "AVOID_ADSB",
-        20: "GUIDED_NOGPS",
-        21: "SMART_RTL",
-        22: "FLOWHOLD",
-        23: "FOLLOW",
-        24: "ZIGZAG",
-        25: "SYSTEMID",
-        26: "AUTOROTATE",
-        27: "AUTO_RTL",
-    }
+    modes: ClassVar[Mapping[int, str]] = mode_names("COPTER_MODE")
     hold: ClassVar[str] = "BRAKE"
     land: ClassVar[str] = "LAND"
     braking: ClassVar[tuple[str, ...]] = ("BRAKE",)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import ClassVar
 
-from fleet_mavlink.constants import CUSTOM_MODE, Cmd
+from fleet_mavlink.constants import CUSTOM_MODE, Cmd, mode_names
 from fleet_mavlink.messages import CommandLong, EkfStatusReport
 from fleet_mavlink.payload_messages import EscTelemetry1To4, RawImu
 from fleet_mavlink.state import VehicleState
@@ -44,19 +44,7 @@ class ArduPilotKind(VehicleKind):
 class ArduSub(ArduPilotKind):
     """An underwater vehicle: holds its position if known, else its depth."""
 
-    modes: ClassVar[Mapping[int, str]] = {
-        0: "STABILIZE",
-        1: "ACRO",
-        2: "ALT_HOLD",
-        3: "AUTO",
-        4: "GUIDED",
-        7: "CIRCLE",
-        9: "SURFACE",
-        16: "POSHOLD",
-        19: "MANUAL",
-        20: "MOTOR_DETECT",
-        21: "SURFTRAK",
-    }
+    modes: ClassVar[Mapping[int, str]] = mode_names("SUB_MODE", {20: "MOTOR_DETECT"})
     braking: ClassVar[tuple[str, ...]] = ("POSHOLD", "ALT_HOLD")
     may_be_disarmed: ClassVar[bool] = True
 
@@ -64,15 +52,7 @@ class ArduSub(ArduPilotKind):
 class ArduTracker(ArduPilotKind):
     """An antenna that tracks a vehicle."""
 
-    modes: ClassVar[Mapping[int, str]] = {
-        0: "MANUAL",
-        1: "STOP",
-        2: "SCAN",
-        3: "SERVO_TEST",
-        4: "GUIDED",
-        10: "AUTO",
-        16: "INITIALISING",
-    }
+    modes: ClassVar[Mapping[int, str]] = mode_names("TRACKER_MODE", {16: "INITIALISING"})
     braking: ClassVar[tuple[str, ...]] = ("STOP",)
     may_be_disarmed: ClassVar[bool] = True
 

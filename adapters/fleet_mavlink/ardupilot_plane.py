@@ -8,7 +8,7 @@ from typing import ClassVar
 
 from fleet import GeoOrigin, GeoPoint, NotReady, Refused, Vector3, Velocity, geo_from_world
 from fleet_mavlink.ardupilot_flavour import ArduPilotFlavour
-from fleet_mavlink.constants import NAN, VTOL_GOES_FORWARD, VTOL_HOVERS, Cmd, Frame
+from fleet_mavlink.constants import NAN, VTOL_GOES_FORWARD, VTOL_HOVERS, Cmd, Frame, mode_names
 from fleet_mavlink.flavour import Flavour
 from fleet_mavlink.messages import Ask, CommandInt, CommandLong
 from fleet_mavlink.state import VehicleState
@@ -44,34 +44,9 @@ def reposition(to: GeoPoint) -> CommandInt:
 class _ArduPlane(ArduPilotFlavour):
     """Modes of ArduPlane, with or without rotors."""
 
-    modes: ClassVar[Mapping[int, str]] = {
-        0: "MANUAL",
-        1: "CIRCLE",
-        2: "STABILIZE",
-        3: "TRAINING",
-        4: "ACRO",
-        5: "FBWA",
-        6: "FBWB",
-        7: "CRUISE",
-        8: "AUTOTUNE",
-        10: "AUTO",
-        11: "RTL",
-        12: "LOITER",
-        13: "TAKEOFF",
-        14: "AVOID_ADSB",
-        15: "GUIDED",
-        16: "INITIALISING",
-        17: "QSTABILIZE",
-        18: "QHOVER",
-        19: "QLOITER",
-        20: "QLAND",
-        21: "QRTL",
-        22: "QAUTOTUNE",
-        23: "QACRO",
-        24: "THERMAL",
-        25: "LOITER2QLAND",
-        26: "AUTOLAND",
-    }
+    modes: ClassVar[Mapping[int, str]] = mode_names(
+        "PLANE_MODE", {5: "FBWA", 6: "FBWB", 16: "INITIALISING", 25: "LOITER2QLAND"}
+    )
     tries_brakes: ClassVar[bool] = True
     mission_ends: ClassVar[tuple[str, ...]] = ("RTL", "QRTL")
 

@@ -7,7 +7,7 @@ from typing import ClassVar
 
 from fleet import GeoPoint, Refused, Velocity
 from fleet_mavlink.ardupilot_flavour import ArduPilotFlavour
-from fleet_mavlink.constants import AUTOPILOT, NAN, Cmd, Frame
+from fleet_mavlink.constants import AUTOPILOT, NAN, Cmd, Frame, mode_names
 from fleet_mavlink.flavour import VELOCITY_AND_YAW_RATE
 from fleet_mavlink.messages import CommandInt, CommandLong, SetPositionTargetLocalNed
 from fleet_mavlink.vocabulary import SURFACE
@@ -19,22 +19,7 @@ _STILL = 0.01  # m/s
 class ArduRover(ArduPilotFlavour):
     """A rover. HOLD takes the drive away and needs no position; the rover coasts."""
 
-    modes: ClassVar[Mapping[int, str]] = {
-        0: "MANUAL",
-        1: "ACRO",
-        3: "STEERING",
-        4: "HOLD",
-        5: "LOITER",
-        6: "FOLLOW",
-        7: "SIMPLE",
-        8: "DOCK",
-        9: "CIRCLE",
-        10: "AUTO",
-        11: "RTL",
-        12: "SMART_RTL",
-        15: "GUIDED",
-        16: "INITIALISING",
-    }
+    modes: ClassVar[Mapping[int, str]] = mode_names("ROVER_MODE", {16: "INITIALISING"})
     braking: ClassVar[tuple[str, ...]] = ("HOLD",)
     may_be_disarmed: ClassVar[bool] = True
     hold: ClassVar[str] = "HOLD"

@@ -4,13 +4,15 @@ from __future__ import annotations
 
 from typing import ClassVar
 
+from pymavlink.dialects.v20 import all as dialect
+
 from fleet_mavlink.messages import MavlinkMessage
 
 
 class AdsbVehicle(MavlinkMessage, frozen=True):
     """ADSB_VEHICLE: another aircraft; ``flags`` marks the valid fields (ADSB_FLAGS)."""
 
-    message_id: ClassVar[int] = 246
+    message_id: ClassVar[int] = dialect.MAVLINK_MSG_ID_ADSB_VEHICLE
     ICAO_address: int
     lat: int  # degrees times 1e7
     lon: int
@@ -28,7 +30,7 @@ class AdsbVehicle(MavlinkMessage, frozen=True):
 class OpenDroneIdBasicId(MavlinkMessage, frozen=True):
     """OPEN_DRONE_ID_BASIC_ID: identity of the aircraft; ``uas_id`` has 20 bytes."""
 
-    message_id: ClassVar[int] = 12900
+    message_id: ClassVar[int] = dialect.MAVLINK_MSG_ID_OPEN_DRONE_ID_BASIC_ID
     target_system: int
     target_component: int
     id_type: int  # 1: serial number
@@ -39,7 +41,7 @@ class OpenDroneIdBasicId(MavlinkMessage, frozen=True):
 class OpenDroneIdSelfId(MavlinkMessage, frozen=True):
     """OPEN_DRONE_ID_SELF_ID: purpose of the flight, as text."""
 
-    message_id: ClassVar[int] = 12903
+    message_id: ClassVar[int] = dialect.MAVLINK_MSG_ID_OPEN_DRONE_ID_SELF_ID
     target_system: int
     target_component: int
     description_type: int  # 0: text
@@ -49,7 +51,7 @@ class OpenDroneIdSelfId(MavlinkMessage, frozen=True):
 class OpenDroneIdSystem(MavlinkMessage, frozen=True):
     """OPEN_DRONE_ID_SYSTEM: position of the operator; degrees times 1e7, m above the ellipsoid."""
 
-    message_id: ClassVar[int] = 12904
+    message_id: ClassVar[int] = dialect.MAVLINK_MSG_ID_OPEN_DRONE_ID_SYSTEM
     target_system: int
     target_component: int
     operator_location_type: int  # 2: fixed
@@ -69,7 +71,7 @@ class OpenDroneIdSystem(MavlinkMessage, frozen=True):
 class OpenDroneIdOperatorId(MavlinkMessage, frozen=True):
     """OPEN_DRONE_ID_OPERATOR_ID: identity of the operator."""
 
-    message_id: ClassVar[int] = 12905
+    message_id: ClassVar[int] = dialect.MAVLINK_MSG_ID_OPEN_DRONE_ID_OPERATOR_ID
     target_system: int
     target_component: int
     operator_id_type: int  # 0: issued by the aviation authority
@@ -79,7 +81,7 @@ class OpenDroneIdOperatorId(MavlinkMessage, frozen=True):
 class OpenDroneIdArmStatus(MavlinkMessage, frozen=True):
     """OPEN_DRONE_ID_ARM_STATUS: 0 if the transmitter permits arming, else the reason."""
 
-    message_id: ClassVar[int] = 12918
+    message_id: ClassVar[int] = dialect.MAVLINK_MSG_ID_OPEN_DRONE_ID_ARM_STATUS
     status: int
     error: str
 
@@ -87,7 +89,7 @@ class OpenDroneIdArmStatus(MavlinkMessage, frozen=True):
 class OpenDroneIdSystemUpdate(MavlinkMessage, frozen=True):
     """OPEN_DRONE_ID_SYSTEM_UPDATE: the part of OPEN_DRONE_ID_SYSTEM that changes."""
 
-    message_id: ClassVar[int] = 12919
+    message_id: ClassVar[int] = dialect.MAVLINK_MSG_ID_OPEN_DRONE_ID_SYSTEM_UPDATE
     target_system: int
     target_component: int
     operator_latitude: int

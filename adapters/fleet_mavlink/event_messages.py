@@ -5,6 +5,8 @@ from __future__ import annotations
 import struct
 from typing import ClassVar
 
+from pymavlink.dialects.v20 import all as dialect
+
 from fleet_mavlink.messages import MavlinkMessage
 
 
@@ -58,7 +60,7 @@ class Event(MavlinkMessage, frozen=True):
 class FileTransfer(MavlinkMessage, frozen=True):
     """FILE_TRANSFER_PROTOCOL: one request or answer, 251 bytes (layout in ``files``)."""
 
-    message_id: ClassVar[int] = 110
+    message_id: ClassVar[int] = dialect.MAVLINK_MSG_ID_FILE_TRANSFER_PROTOCOL
     target_network: int
     target_system: int
     target_component: int

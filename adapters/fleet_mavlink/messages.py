@@ -9,6 +9,7 @@ from __future__ import annotations
 from typing import ClassVar
 
 import msgspec
+from pymavlink.dialects.v20 import all as dialect
 
 
 class MavlinkMessage(msgspec.Struct, frozen=True):
@@ -24,7 +25,7 @@ class MavlinkMessage(msgspec.Struct, frozen=True):
 class Heartbeat(MavlinkMessage, frozen=True):
     """HEARTBEAT: sender, mode, armed or not."""
 
-    message_id: ClassVar[int] = 0
+    message_id: ClassVar[int] = dialect.MAVLINK_MSG_ID_HEARTBEAT
     type: int
     autopilot: int
     base_mode: int = 0
@@ -36,7 +37,7 @@ class Heartbeat(MavlinkMessage, frozen=True):
 class SysStatus(MavlinkMessage, frozen=True):
     """SYS_STATUS: sensor bits, and the autopilot's summary of the battery."""
 
-    message_id: ClassVar[int] = 1
+    message_id: ClassVar[int] = dialect.MAVLINK_MSG_ID_SYS_STATUS
     onboard_control_sensors_health: int
     voltage_battery: int  # mV, 65535 unknown
     current_battery: int  # cA, -1 unknown
@@ -47,14 +48,14 @@ class SysStatus(MavlinkMessage, frozen=True):
 class SystemTime(MavlinkMessage, frozen=True):
     """SYSTEM_TIME: used for the time since boot only."""
 
-    message_id: ClassVar[int] = 2
+    message_id: ClassVar[int] = dialect.MAVLINK_MSG_ID_SYSTEM_TIME
     time_boot_ms: int
 
 
 class GpsRawInt(MavlinkMessage, frozen=True):
     """GPS_RAW_INT: fix of the satellite receiver."""
 
-    message_id: ClassVar[int] = 24
+    message_id: ClassVar[int] = dialect.MAVLINK_MSG_ID_GPS_RAW_INT
     fix_type: int
     lat: int
     lon: int
@@ -67,7 +68,7 @@ class GpsRawInt(MavlinkMessage, frozen=True):
 class Attitude(MavlinkMessage, frozen=True):
     """ATTITUDE: FRD in NED, radians and rad/s."""
 
-    message_id: ClassVar[int] = 30
+    message_id: ClassVar[int] = dialect.MAVLINK_MSG_ID_ATTITUDE
     time_boot_ms: int
     roll: float
     pitch: float
@@ -77,7 +78,7 @@ class Attitude(MavlinkMessage, frozen=True):
 class GlobalPositionInt(MavlinkMessage, frozen=True):
     """GLOBAL_POSITION_INT: position estimate."""
 
-    message_id: ClassVar[int] = 33
+    message_id: ClassVar[int] = dialect.MAVLINK_MSG_ID_GLOBAL_POSITION_INT
     time_boot_ms: int
     lat: int
     lon: int
@@ -92,7 +93,7 @@ class GlobalPositionInt(MavlinkMessage, frozen=True):
 class MissionCurrent(MavlinkMessage, frozen=True):
     """MISSION_CURRENT: active item of the stored mission; total 65535 unknown."""
 
-    message_id: ClassVar[int] = 42
+    message_id: ClassVar[int] = dialect.MAVLINK_MSG_ID_MISSION_CURRENT
     seq: int
     total: int
 
@@ -100,14 +101,14 @@ class MissionCurrent(MavlinkMessage, frozen=True):
 class MissionItemReached(MavlinkMessage, frozen=True):
     """MISSION_ITEM_REACHED: an item of the stored mission was reached."""
 
-    message_id: ClassVar[int] = 46
+    message_id: ClassVar[int] = dialect.MAVLINK_MSG_ID_MISSION_ITEM_REACHED
     seq: int
 
 
 class RequestDataStream(MavlinkMessage, frozen=True):
     """REQUEST_DATA_STREAM: deprecated request for rates, which ArduPilot still accepts."""
 
-    message_id: ClassVar[int] = 66
+    message_id: ClassVar[int] = dialect.MAVLINK_MSG_ID_REQUEST_DATA_STREAM
     target_system: int
     target_component: int
     req_stream_id: int
@@ -118,7 +119,7 @@ class RequestDataStream(MavlinkMessage, frozen=True):
 class CommandInt(MavlinkMessage, frozen=True):
     """COMMAND_INT: a command with a position; x and y in degrees times 1e7."""
 
-    message_id: ClassVar[int] = 75
+    message_id: ClassVar[int] = dialect.MAVLINK_MSG_ID_COMMAND_INT
     command: int
     target_system: int = 0
     target_component: int = 1
@@ -135,7 +136,7 @@ class CommandInt(MavlinkMessage, frozen=True):
 class CommandLong(MavlinkMessage, frozen=True):
     """COMMAND_LONG: a command with seven numbers."""
 
-    message_id: ClassVar[int] = 76
+    message_id: ClassVar[int] = dialect.MAVLINK_MSG_ID_COMMAND_LONG
     command: int
     target_system: int = 0
     target_component: int = 1
@@ -152,7 +153,7 @@ class CommandLong(MavlinkMessage, frozen=True):
 class CommandAck(MavlinkMessage, frozen=True):
     """COMMAND_ACK: the vehicle's result for a command; targets are 0 if it does not fill them in."""
 
-    message_id: ClassVar[int] = 77
+    message_id: ClassVar[int] = dialect.MAVLINK_MSG_ID_COMMAND_ACK
     command: int
     result: int
     progress: int = 0
@@ -164,7 +165,7 @@ class CommandAck(MavlinkMessage, frozen=True):
 class SetPositionTargetLocalNed(MavlinkMessage, frozen=True):
     """SET_POSITION_TARGET_LOCAL_NED: velocity setpoint; m/s and rad/s in NED."""
 
-    message_id: ClassVar[int] = 84
+    message_id: ClassVar[int] = dialect.MAVLINK_MSG_ID_SET_POSITION_TARGET_LOCAL_NED
     target_system: int
     target_component: int
     coordinate_frame: int
@@ -179,7 +180,7 @@ class SetPositionTargetLocalNed(MavlinkMessage, frozen=True):
 class SetPositionTargetGlobalInt(MavlinkMessage, frozen=True):
     """SET_POSITION_TARGET_GLOBAL_INT: position target; degrees times 1e7, m, yaw in radians from north."""
 
-    message_id: ClassVar[int] = 86
+    message_id: ClassVar[int] = dialect.MAVLINK_MSG_ID_SET_POSITION_TARGET_GLOBAL_INT
     target_system: int
     target_component: int
     coordinate_frame: int
@@ -193,7 +194,7 @@ class SetPositionTargetGlobalInt(MavlinkMessage, frozen=True):
 class PositionTargetGlobalInt(MavlinkMessage, frozen=True):
     """POSITION_TARGET_GLOBAL_INT: the autopilot's present target; degrees times 1e7, m AMSL."""
 
-    message_id: ClassVar[int] = 87
+    message_id: ClassVar[int] = dialect.MAVLINK_MSG_ID_POSITION_TARGET_GLOBAL_INT
     lat_int: int
     lon_int: int
     alt: float
@@ -205,7 +206,7 @@ class BatteryStatus(MavlinkMessage, frozen=True):
     The last two are extensions, 0 if not reported: remaining seconds, MAV_BATTERY_CHARGE_STATE.
     """
 
-    message_id: ClassVar[int] = 147
+    message_id: ClassVar[int] = dialect.MAVLINK_MSG_ID_BATTERY_STATUS
     id: int
     voltages: tuple[int, ...]
     current_battery: int  # cA, -1 unknown
@@ -217,14 +218,14 @@ class BatteryStatus(MavlinkMessage, frozen=True):
 class EkfStatusReport(MavlinkMessage, frozen=True):
     """EKF_STATUS_REPORT: ArduPilot's estimator flags."""
 
-    message_id: ClassVar[int] = 193
+    message_id: ClassVar[int] = dialect.MAVLINK_MSG_ID_EKF_STATUS_REPORT
     flags: int
 
 
 class EstimatorStatus(MavlinkMessage, frozen=True):
     """ESTIMATOR_STATUS: PX4's estimator flags; the lower ten bits have the same meaning as ArduPilot's."""
 
-    message_id: ClassVar[int] = 230
+    message_id: ClassVar[int] = dialect.MAVLINK_MSG_ID_ESTIMATOR_STATUS
     time_usec: int
     flags: int
 
@@ -232,7 +233,7 @@ class EstimatorStatus(MavlinkMessage, frozen=True):
 class HomePosition(MavlinkMessage, frozen=True):
     """HOME_POSITION: position to which the vehicle returns; mm AMSL."""
 
-    message_id: ClassVar[int] = 242
+    message_id: ClassVar[int] = dialect.MAVLINK_MSG_ID_HOME_POSITION
     latitude: int
     longitude: int
     altitude: int
@@ -241,7 +242,7 @@ class HomePosition(MavlinkMessage, frozen=True):
 class ExtendedSysState(MavlinkMessage, frozen=True):
     """EXTENDED_SYS_STATE: on the ground, taking off, in the air, landing; state of a VTOL."""
 
-    message_id: ClassVar[int] = 245
+    message_id: ClassVar[int] = dialect.MAVLINK_MSG_ID_EXTENDED_SYS_STATE
     landed_state: int
     vtol_state: int = 0
 
@@ -249,7 +250,7 @@ class ExtendedSysState(MavlinkMessage, frozen=True):
 class StatusTextMessage(MavlinkMessage, frozen=True):
     """STATUSTEXT: a text of the autopilot, or a chunk of one if ``id`` is not 0."""
 
-    message_id: ClassVar[int] = 253
+    message_id: ClassVar[int] = dialect.MAVLINK_MSG_ID_STATUSTEXT
     severity: int
     text: str
     id: int = 0

@@ -4,13 +4,15 @@ from __future__ import annotations
 
 from typing import ClassVar
 
+from pymavlink.dialects.v20 import all as dialect
+
 from fleet_mavlink.messages import MavlinkMessage
 
 
 class MissionRequest(MavlinkMessage, frozen=True):
     """MISSION_REQUEST: request for one item, in the deprecated form that ArduPilot still uses."""
 
-    message_id: ClassVar[int] = 40
+    message_id: ClassVar[int] = dialect.MAVLINK_MSG_ID_MISSION_REQUEST
     target_system: int
     target_component: int
     seq: int
@@ -20,7 +22,7 @@ class MissionRequest(MavlinkMessage, frozen=True):
 class MissionRequestList(MavlinkMessage, frozen=True):
     """MISSION_REQUEST_LIST: request for the number of items."""
 
-    message_id: ClassVar[int] = 43
+    message_id: ClassVar[int] = dialect.MAVLINK_MSG_ID_MISSION_REQUEST_LIST
     target_system: int
     target_component: int
     mission_type: int = 0
@@ -29,7 +31,7 @@ class MissionRequestList(MavlinkMessage, frozen=True):
 class MissionCount(MavlinkMessage, frozen=True):
     """MISSION_COUNT: number of items that follow, or are stored."""
 
-    message_id: ClassVar[int] = 44
+    message_id: ClassVar[int] = dialect.MAVLINK_MSG_ID_MISSION_COUNT
     target_system: int
     target_component: int
     count: int
@@ -39,7 +41,7 @@ class MissionCount(MavlinkMessage, frozen=True):
 class MissionClearAll(MavlinkMessage, frozen=True):
     """MISSION_CLEAR_ALL: delete a plan."""
 
-    message_id: ClassVar[int] = 45
+    message_id: ClassVar[int] = dialect.MAVLINK_MSG_ID_MISSION_CLEAR_ALL
     target_system: int
     target_component: int
     mission_type: int = 0
@@ -48,7 +50,7 @@ class MissionClearAll(MavlinkMessage, frozen=True):
 class MissionAck(MavlinkMessage, frozen=True):
     """MISSION_ACK: result of a transfer (MAV_MISSION_RESULT); targets as in COMMAND_ACK."""
 
-    message_id: ClassVar[int] = 47
+    message_id: ClassVar[int] = dialect.MAVLINK_MSG_ID_MISSION_ACK
     target_system: int
     target_component: int
     type: int
@@ -58,7 +60,7 @@ class MissionAck(MavlinkMessage, frozen=True):
 class MissionRequestInt(MavlinkMessage, frozen=True):
     """MISSION_REQUEST_INT: request for one item, with its position in degrees times 1e7."""
 
-    message_id: ClassVar[int] = 51
+    message_id: ClassVar[int] = dialect.MAVLINK_MSG_ID_MISSION_REQUEST_INT
     target_system: int
     target_component: int
     seq: int
@@ -68,7 +70,7 @@ class MissionRequestInt(MavlinkMessage, frozen=True):
 class MissionItemInt(MavlinkMessage, frozen=True):
     """MISSION_ITEM_INT: one item; x and y in degrees times 1e7, z in metres."""
 
-    message_id: ClassVar[int] = 73
+    message_id: ClassVar[int] = dialect.MAVLINK_MSG_ID_MISSION_ITEM_INT
     target_system: int
     target_component: int
     seq: int

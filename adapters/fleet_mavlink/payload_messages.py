@@ -4,13 +4,15 @@ from __future__ import annotations
 
 from typing import ClassVar
 
+from pymavlink.dialects.v20 import all as dialect
+
 from fleet_mavlink.messages import MavlinkMessage
 
 
 class RawImu(MavlinkMessage, frozen=True):
     """RAW_IMU in ArduPilot's units: FRD, thousandths of g and thousandths of rad/s."""
 
-    message_id: ClassVar[int] = 27
+    message_id: ClassVar[int] = dialect.MAVLINK_MSG_ID_RAW_IMU
     xacc: int
     yacc: int
     zacc: int
@@ -22,7 +24,7 @@ class RawImu(MavlinkMessage, frozen=True):
 class HighresImu(MavlinkMessage, frozen=True):
     """HIGHRES_IMU: FRD, m/s2 and rad/s; ``fields_updated`` has a bit for each of them."""
 
-    message_id: ClassVar[int] = 105
+    message_id: ClassVar[int] = dialect.MAVLINK_MSG_ID_HIGHRES_IMU
     xacc: float
     yacc: float
     zacc: float
@@ -35,7 +37,7 @@ class HighresImu(MavlinkMessage, frozen=True):
 class MagCalProgress(MavlinkMessage, frozen=True):
     """MAG_CAL_PROGRESS: progress of one compass, percent."""
 
-    message_id: ClassVar[int] = 191
+    message_id: ClassVar[int] = dialect.MAVLINK_MSG_ID_MAG_CAL_PROGRESS
     compass_id: int
     cal_mask: int
     completion_pct: int
@@ -44,7 +46,7 @@ class MagCalProgress(MavlinkMessage, frozen=True):
 class MagCalReport(MavlinkMessage, frozen=True):
     """MAG_CAL_REPORT: result of one compass (MAG_CAL_STATUS)."""
 
-    message_id: ClassVar[int] = 192
+    message_id: ClassVar[int] = dialect.MAVLINK_MSG_ID_MAG_CAL_REPORT
     compass_id: int
     cal_mask: int
     cal_status: int
@@ -55,7 +57,7 @@ class MagCalReport(MavlinkMessage, frozen=True):
 class SetupSigning(MavlinkMessage, frozen=True):
     """SETUP_SIGNING: the key for signing from now on; never acknowledged."""
 
-    message_id: ClassVar[int] = 256
+    message_id: ClassVar[int] = dialect.MAVLINK_MSG_ID_SETUP_SIGNING
     target_system: int
     target_component: int
     secret_key: tuple[int, ...]
@@ -65,7 +67,7 @@ class SetupSigning(MavlinkMessage, frozen=True):
 class CameraImageCaptured(MavlinkMessage, frozen=True):
     """CAMERA_IMAGE_CAPTURED: a picture was taken (``capture_result`` 1), or it failed."""
 
-    message_id: ClassVar[int] = 263
+    message_id: ClassVar[int] = dialect.MAVLINK_MSG_ID_CAMERA_IMAGE_CAPTURED
     image_index: int
     capture_result: int
     file_url: str
@@ -74,7 +76,7 @@ class CameraImageCaptured(MavlinkMessage, frozen=True):
 class GimbalManagerInformation(MavlinkMessage, frozen=True):
     """GIMBAL_MANAGER_INFORMATION: presence of a gimbal, and its limits in radians."""
 
-    message_id: ClassVar[int] = 280
+    message_id: ClassVar[int] = dialect.MAVLINK_MSG_ID_GIMBAL_MANAGER_INFORMATION
     gimbal_device_id: int
     pitch_min: float
     pitch_max: float
@@ -85,7 +87,7 @@ class GimbalManagerInformation(MavlinkMessage, frozen=True):
 class GimbalDeviceAttitudeStatus(MavlinkMessage, frozen=True):
     """GIMBAL_DEVICE_ATTITUDE_STATUS: attitude of the gimbal; w x y z, FRD."""
 
-    message_id: ClassVar[int] = 285
+    message_id: ClassVar[int] = dialect.MAVLINK_MSG_ID_GIMBAL_DEVICE_ATTITUDE_STATUS
     flags: int
     q: tuple[float, ...]
 
@@ -93,7 +95,7 @@ class GimbalDeviceAttitudeStatus(MavlinkMessage, frozen=True):
 class EscTelemetry1To4(MavlinkMessage, frozen=True):
     """ESC_TELEMETRY_1_TO_4 (ArduPilot): revolutions per minute of four motors."""
 
-    message_id: ClassVar[int] = 11030
+    message_id: ClassVar[int] = dialect.MAVLINK_MSG_ID_ESC_TELEMETRY_1_TO_4
     rpm: tuple[int, ...]
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import math
 from collections.abc import Iterable
 
 import msgspec
@@ -12,16 +13,19 @@ from fleet_mavlink.constants import Cmd
 from fleet_mavlink.failsafe_causes import position_troubles
 from fleet_mavlink.flavour import Flavour
 from fleet_mavlink.flight import Flight
-from fleet_mavlink.messages import CommandLong
+from fleet_mavlink.messages import CommandLong, SysStatus
 from fleet_mavlink.preconditions import require_connection
 from fleet_mavlink.remote_id import trouble_of
 from fleet_mavlink.state import VehicleState
-from fleet_mavlink.texts import Sentence
+from fleet_mavlink.texts import WARNING, Sentence
 
 _SAID_FOR = 35.0  # s; ArduPilot repeats its reasons every 30 s
 _REASONS = ("arm", "prearm", "preflight")  # beginnings of an autopilot's reasons against arming
+_FOUND, _REFUSED = "prearm: ", "arm: "  # ArduPilot's prefixes; its health bit is up to 1 s behind its texts
+_REFUSED_FOR = 10.0  # s that a refused arming counts: the log is opened only then, and seems fine after 5 s
 _NEED_NOT_BE_TOLD = frozenset({"satellites", "battery"})
 _WORDS_WITHIN = 0.5  # s after the request for the checks
+_BIT_WITHIN = 1.5  # s within which SYS_STATUS arrives, which is sent once a second
 
 
 class Check(msgspec.Struct, frozen=True):
@@ -39,20 +43,24 @@ def checks(
     lost_to: str,
     now: float,
     *,
+    asked: float = math.inf,
     needs_remote_id: bool = False,
 ) -> list[Check]:
-    """Return the checks, in the order in which they become ok after power-on."""
+    """Return the checks, in the order in which they become ok after power-on.
+
+    ``asked``: when the autopilot was asked to check itself; what it says from then on is what it found.
+    """
     mode = flavour.mode_of(state)
     fix, troubles = state.fix_now(now), position_troubles(state, now)
     satellites = "" if fix is None or fix.satellites is None else f", {fix.satellites} satellites"
     percent = state.battery.percent
+    sentences = [said for said in sentences if said.severity <= WARNING]  # of what is switched off, too
+    passed = state.prearm_ok and not _is_refused(sentences, asked, now)
     return [
         Check("satellites", None if fix is None else True, (f"{fix.kind} fix{satellites}",) if fix else ()),
         Check("home", state.home is not None),
         Check("position", flavour.position_usable(state, now), troubles),  # the same text as in its health
-        Check(
-            "autopilot's own checks", state.prearm_ok, reasons(sentences, now) if not state.prearm_ok else ()
-        ),
+        Check("autopilot's own checks", passed, reasons(sentences, now) if not passed else ()),
         Check("mode", True, (_mode_words(mode, flavour),)),
         Check("fail-safe", not state.failsafe),
         Check("control", not lost_to, (f"taken in {lost_to}",) if lost_to else ()),
@@ -93,6 +101,16 @@ def reasons(sentences: Iterable[Sentence], now: float) -> tuple[str, ...]:
     return tuple(dict.fromkeys(text for text in lately if text.lower().startswith(_REASONS)))
 
 
+def _is_refused(sentences: Iterable[Sentence], asked: float, now: float) -> bool:
+    """Return whether a text refuses arming, regardless of the health bit. ``asked``: time of the request."""
+    since = {_FOUND: asked, _REFUSED: now - _REFUSED_FOR}
+    return any(
+        said.at >= at and said.text.lower().startswith(begins)
+        for said in sentences
+        for begins, at in since.items()
+    )
+
+
 def is_ready(found: Iterable[Check]) -> bool:
     """Return True if nothing prevents a take-off; satellites and battery may be unknown."""
     return all(check.ok or (check.ok is None and check.check in _NEED_NOT_BE_TOLD) for check in found)
@@ -104,12 +122,16 @@ async def look(flight: Flight) -> list[Check]:
     require_connection(vehicle)
     if vehicle.state.armed:
         raise Refused("it is armed: it was ready")
+    asked = vehicle.now()
     try:
         await flight.commander.ask(CommandLong(Cmd.RUN_PREARM_CHECKS), tries=1)
+        answered = vehicle.now()
         await asyncio.sleep(_WORDS_WITHIN)
+        await vehicle.until(lambda _: vehicle.seen_at.get(SysStatus, 0.0) > answered, _BIT_WITHIN)
     except CommandError:
-        pass  # an autopilot without this command sends its reasons by itself, only less often
-    now = vehicle.now()
+        asked = math.inf  # without this command, it sends its reasons unrequested, only less often
     lost_to = flight.authority.lost_to
     said, wanted = tuple(vehicle.sentences), vehicle.needs_remote_id
-    return checks(vehicle.state, flight.flavour, said, lost_to, now, needs_remote_id=wanted)
+    return checks(
+        vehicle.state, flight.flavour, said, lost_to, vehicle.now(), asked=asked, needs_remote_id=wanted
+    )

@@ -240,16 +240,17 @@ class VehicleSession:
         """Write the messages that stop the vehicle now; from any thread. The next tick continues from there.
 
         Motion that was asked for and is not confirmed yet is not asked for again. A vehicle that does not
-        answer may be in its own fail-safe, so its mode is not changed. One that comes down, or is under
-        somebody else's control, is left alone unless ``takes_over``.
+        answer may be in its own fail-safe, so its mode is not changed; one that comes down, or is under
+        somebody else's control, is left alone: unless ``takes_over``.
         """
         state, flavour = self.vehicle.state, self.vehicle.flavour
         self.commander.turns.halt(EMERGENCY_HALTED if takes_over else HALTED)
         self.driver.halted = True
+        reached = self.vehicle.connected or takes_over  # what is not heard may hear
         if self.comes_down and not takes_over:
             return
         if flavour is None:
-            brake = self.brakes.first() if self.vehicle.connected else None
+            brake = self.brakes.first() if reached else None
             self._hub.send_from_any_thread([brake] if brake is not None else [], self.vehicle)
             return
         if not state.armed or (self.authority.lost_to and not takes_over):
@@ -257,10 +258,10 @@ class VehicleSession:
         streamed = flavour.mode_of(state) == flavour.external and not flavour.tries_brakes
         messages: list[MavlinkMessage] = [ned_setpoint(Vector3(), 0.0, self.vehicle.system)] * streamed
         # Zero alone is not enough: PX4 descends when the setpoints of a stuck process end.
-        if self.vehicle.connected:
+        best = self.vehicle.holding if reached else None
+        if best is not None:
             pending = self.commander.turns.current
             goes_on = pending is not None and not pending.superseded  # a landing: its mode is still to come
-            best = flavour.holding(state)
             (self.authority.expect_also if goes_on else self.authority.expect)(*best.modes)
             messages += map(self.commander.addressed, best.asks)
         self._hub.send_from_any_thread(messages, self.vehicle)

@@ -4,13 +4,15 @@ from __future__ import annotations
 
 from typing import ClassVar
 
+from pymavlink.dialects.v20 import all as dialect
+
 from fleet_mavlink.messages import MavlinkMessage
 
 
 class ParamRequestRead(MavlinkMessage, frozen=True):
     """PARAM_REQUEST_READ: by name, or by ``param_index`` if it is not negative."""
 
-    message_id: ClassVar[int] = 20
+    message_id: ClassVar[int] = dialect.MAVLINK_MSG_ID_PARAM_REQUEST_READ
     target_system: int
     target_component: int
     param_id: str = ""
@@ -20,7 +22,7 @@ class ParamRequestRead(MavlinkMessage, frozen=True):
 class ParamRequestList(MavlinkMessage, frozen=True):
     """PARAM_REQUEST_LIST: request for all parameters."""
 
-    message_id: ClassVar[int] = 21
+    message_id: ClassVar[int] = dialect.MAVLINK_MSG_ID_PARAM_REQUEST_LIST
     target_system: int
     target_component: int
 
@@ -32,7 +34,7 @@ class ParamValue(MavlinkMessage, frozen=True):
     survive a conversion.
     """
 
-    message_id: ClassVar[int] = 22
+    message_id: ClassVar[int] = dialect.MAVLINK_MSG_ID_PARAM_VALUE
     packing: ClassVar[str] = "<IHH16sB"
     param_id: str
     param_value: int
@@ -44,7 +46,7 @@ class ParamValue(MavlinkMessage, frozen=True):
 class ParamSet(MavlinkMessage, frozen=True):
     """PARAM_SET: ``param_value`` is 32 bits, as in PARAM_VALUE."""
 
-    message_id: ClassVar[int] = 23
+    message_id: ClassVar[int] = dialect.MAVLINK_MSG_ID_PARAM_SET
     packing: ClassVar[str] = "<IBB16sB"
     target_system: int
     target_component: int
@@ -56,7 +58,7 @@ class ParamSet(MavlinkMessage, frozen=True):
 class LogRequestList(MavlinkMessage, frozen=True):
     """LOG_REQUEST_LIST: the logs from ``start`` to ``end``."""
 
-    message_id: ClassVar[int] = 117
+    message_id: ClassVar[int] = dialect.MAVLINK_MSG_ID_LOG_REQUEST_LIST
     target_system: int
     target_component: int
     start: int = 0
@@ -66,7 +68,7 @@ class LogRequestList(MavlinkMessage, frozen=True):
 class LogEntry(MavlinkMessage, frozen=True):
     """LOG_ENTRY: one log; ``time_utc`` in Unix seconds, 0 unknown; ``size`` in bytes."""
 
-    message_id: ClassVar[int] = 118
+    message_id: ClassVar[int] = dialect.MAVLINK_MSG_ID_LOG_ENTRY
     id: int
     num_logs: int
     time_utc: int
@@ -76,7 +78,7 @@ class LogEntry(MavlinkMessage, frozen=True):
 class LogRequestData(MavlinkMessage, frozen=True):
     """LOG_REQUEST_DATA: ``count`` bytes of a log from ``ofs`` on."""
 
-    message_id: ClassVar[int] = 119
+    message_id: ClassVar[int] = dialect.MAVLINK_MSG_ID_LOG_REQUEST_DATA
     target_system: int
     target_component: int
     id: int
@@ -87,7 +89,7 @@ class LogRequestData(MavlinkMessage, frozen=True):
 class LogData(MavlinkMessage, frozen=True):
     """LOG_DATA: ``count`` bytes of a log; fewer than 90 only at its end."""
 
-    message_id: ClassVar[int] = 120
+    message_id: ClassVar[int] = dialect.MAVLINK_MSG_ID_LOG_DATA
     id: int
     ofs: int
     count: int
@@ -97,7 +99,7 @@ class LogData(MavlinkMessage, frozen=True):
 class LogRequestEnd(MavlinkMessage, frozen=True):
     """LOG_REQUEST_END: end of the transfer; the autopilot resumes logging."""
 
-    message_id: ClassVar[int] = 122
+    message_id: ClassVar[int] = dialect.MAVLINK_MSG_ID_LOG_REQUEST_END
     target_system: int
     target_component: int
 

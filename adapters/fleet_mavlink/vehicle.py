@@ -10,6 +10,8 @@ from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from typing import Any
 
+import msgspec
+
 from fleet import Address, Clock
 from fleet_mavlink.authentication import Trust
 from fleet_mavlink.broadcast_messages import OpenDroneIdArmStatus
@@ -24,7 +26,7 @@ from fleet_mavlink.received_messages import ReceivedMessages, SaidT
 from fleet_mavlink.redundant_links import way_of
 from fleet_mavlink.state import SILENCE, VehicleState, reduce
 from fleet_mavlink.texts import Joiner, Sentence
-from fleet_mavlink.vehicle_kind import VehicleKind
+from fleet_mavlink.vehicle_kind import Brake, VehicleKind
 from fleet_mavlink.vocabulary import OF_A_MOVED_VEHICLE, PX4_ROVER
 from fleet_mavlink.wings import Winged
 
@@ -85,6 +87,16 @@ class Vehicle:
     def flavour(self) -> Flavour | None:
         """Its flavour, None before its first heartbeat and for a vehicle that is not moved here."""
         return flavour_of(self.state.heartbeat, self.state) if self.state.heartbeat else None
+
+    @property
+    def holding(self) -> Brake | None:
+        """What brakes it best, None for what is not moved here; of one that is not heard little is known."""
+        state = self.state
+        if not self.connected:  # it is elsewhere, and may fly otherwise, by now
+            flies = 0 if state.vtol_state == 0 else None
+            state = msgspec.structs.replace(state, vtol_state=flies, position_at=-math.inf)
+        flavour = flavour_of(state.heartbeat, state) if state.heartbeat else None
+        return flavour.holding(state) if flavour else None
 
     @property
     def what(self) -> str:

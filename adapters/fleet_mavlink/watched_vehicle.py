@@ -82,14 +82,14 @@ class WatchedVehicle:
     def _give_up(self, need: Need, message: Any, who: str) -> None:
         """Yield authority to a station that commands the vehicle, or arms it."""
         kind, state = self._vehicle.kind, self._vehicle.state
+        if need is Need.STOP:
+            self._halt()  # this vehicle may not accept the station's own command
         if not isinstance(kind, Flavour):
             return
         if not state.armed:
             if arms(message):
                 self._authority.armed_by(who)
             return
-        if need is Need.STOP:
-            self._halt()  # this vehicle may not accept the station's own command
         self._authority.taken_by(who, kind.mode_of(state))
 
     def _why_not(self, need: Need, frame: Frame, message: Any) -> str:

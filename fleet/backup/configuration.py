@@ -96,18 +96,18 @@ def _add(path: Path, folder: Path, found: Configuration, masking: Masking, *, is
         inside = _inside(path, folder, found)
         if not inside or inside in found.files or path.name == SECRETS:
             return
-        content = path.read_bytes() if path.stat().st_size <= LARGEST else b""
+        content = path.read_bytes() if path.stat().st_size <= LARGEST else None
     except OSError as error:
         found.left_out.append(f"{path}: {error.strerror}")
         return
-    if is_key or _is_private_key(content):
+    if content is None:
+        found.left_out.append(f"{path}: it is larger than {LARGEST >> 20} MiB")
+    elif is_key or _is_private_key(content):
         found.keys.append(inside)
     elif masking.finds(content):
         found.telling.append(inside)
-    elif content:
-        found.files[inside] = content
     else:
-        found.left_out.append(f"{path}: it is empty or larger than {LARGEST >> 20} MiB")
+        found.files[inside] = content
 
 
 def _inside(path: Path, folder: Path, found: Configuration) -> str:

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+import contextlib
+import threading
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 
 import click
@@ -27,6 +29,9 @@ _SAID = {
     Outcome.REFUSED: "refused",
     Outcome.FAILED: "failed",
 }
+
+SOON = 2.0  # s
+TAKES = "one robot after the other; a rebuilt one has 20 s to answer, a worker that is asked has 10 s"
 
 file_argument = click.argument("file", default="fleet.yaml", type=click.Path())
 
@@ -86,11 +91,24 @@ def apply(
     file = files[0] if files else "fleet.yaml"
     edge = load(file).config.edge.id
     asked = ChangesAsked("apply", force, local_user(), str(Path(file).resolve()))
-    answer = ask_changes(edge, file, asked)
+    with _told_to_wait(out, edge):
+        answer = ask_changes(edge, file, asked)
     if answer is None:
         raise NotRunning(f"edge {edge} does not run; fleet run {file} starts it with this file")
     _show(out, answer.changes)
     return _code(answer.changes)
+
+
+@contextlib.contextmanager
+def _told_to_wait(out: Output, edge: str) -> Iterator[None]:
+    """Say that the edge is at work when it does not answer soon."""
+    timer = threading.Timer(SOON, out.note, [f"waiting for edge {edge}: {TAKES}"])
+    timer.daemon = True
+    timer.start()
+    try:
+        yield
+    finally:
+        timer.cancel()
 
 
 def _code(changes: Iterable[Change]) -> ExitCode:

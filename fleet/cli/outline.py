@@ -88,6 +88,6 @@ def _tls(bus: Mapping[str, object], folder: Path) -> BusTls:
         root_ca=places.get("root_ca"),
         certificate=places.get("cert"),
         key=places.get("key"),
-        mutual=tls.get("mutual") is True,
+        mutual=bool(tls) and tls.get("mutual") is not False,  # as fleet.yaml has it when it says nothing
         verify_name=tls.get("verify_name") is not False,
     )

@@ -58,7 +58,7 @@ def with_waves(function: Callable[..., object]) -> Callable[..., object]:
         default=30.0,
         show_default=True,
         type=click.FloatRange(0.0, 600.0),
-        help="With --fleet: seconds in which an edge must be as healthy as before.",
+        help="With --fleet: seconds after which no robot or service of an edge may be worse than before.",
     )
     @click.option(
         "--store",

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import shutil
 import sys
+from collections.abc import Mapping
 from pathlib import Path
 
 import click
@@ -13,6 +14,7 @@ from fleet.cli.output import ExitCode, Output, with_output
 from fleet.config.edge_id import EDGE_ID
 from fleet.config.load import load, sections_of
 from fleet.errors import ConfigError, NotRunning
+from fleet.service.agent_unit import AgentSpec, agent_spec_of, agent_unit_name
 from fleet.service.install import (
     Run,
     ServiceError,
@@ -55,6 +57,7 @@ def service() -> None:
 
     The service has its own user and group (fleet), sees no home folders, opens only the devices that the
     fleet file names, and is restarted when it ends or freezes. Members of the group fleet command its robots.
+    The agent of its roll-outs can be a second service of the same user.
     """
 
 
@@ -64,22 +67,32 @@ def service() -> None:
 @_ROOT
 @click.option("--print", "shown", is_flag=True, help="Print the files and write none.")
 @click.option("--no-start", is_flag=True, help="Enable the service, but do not start it yet.")
+@click.option(
+    "--agent",
+    "with_agent",
+    is_flag=True,
+    help="Also the agent of its roll-outs: FILE is current/fleet.yaml of the folder with rollout.yaml.",
+)
 @with_output
-def install_(out: Output, file: Path, *, root: Path | None, shown: bool, no_start: bool) -> None:
+def install_(
+    out: Output, file: Path, *, root: Path | None, shown: bool, no_start: bool, with_agent: bool
+) -> None:
     """Install the edge of FILE as a service, and start it. Needs root; after a change, run it again.
 
     A service that runs goes on with its old unit until  systemctl restart fleet-EDGE: its robots are not
-    stopped by an install.
+    stopped by an install. With --agent the folder of the bundles is given to the user fleet.
     """
     spec = _spec(file)
+    agent = _agent_spec(spec) if with_agent else None
     if shown:
-        texts = {str(Path("/", path)): text for path, text in files_of(spec).items()}
+        texts = {str(Path("/", path)): text for path, text in files_of(spec, agent).items()}
         out.data({"edge": spec.edge, "files": texts})
         for name, text in texts.items():
             out.lines([f"# {name}", *text.splitlines(), ""])
         return
-    written = install(spec, root or Path("/"), _runner(root), start=not no_start)
-    out.data({"edge": spec.edge, "unit": spec.unit, "files": [str(path) for path in written]})
+    written = install(spec, root or Path("/"), _runner(root), start=not no_start, agent=agent)
+    told = {"edge": spec.edge, "unit": spec.unit, "files": [str(path) for path in written]}
+    out.data({**told, "agent": agent.unit if agent else None})
     for path in written:
         out.say(f"wrote {path}")
     out.note(f"next: fleet doctor {file}")
@@ -92,20 +105,31 @@ def install_(out: Output, file: Path, *, root: Path | None, shown: bool, no_star
 def status(out: Output, file: Path) -> ExitCode:
     """Show whether the service of the edge of FILE runs, since when, and how often it was restarted.
 
-    Exit code 4 when it does not run. The robots: fleet ps.
+    Also of the agent of its roll-outs, where that is a service. Exit code 4 when one does not run. The
+    robots: fleet ps.
     """
     edge = _edge(file)
-    found = status_of(edge, run_program)
-    out.data({"edge": edge, "unit": unit_name(edge), **found})
+    units = (unit_name(edge), agent_unit_name(edge))
+    found, agent = (status_of(unit, run_program) for unit in units)
+    has_agent = agent.get("LoadState") == "loaded"
+    out.data({"edge": edge, "unit": units[0], **found, "agent": agent if has_agent else None})
     if found.get("LoadState") != "loaded":
         raise NotRunning(f"edge {edge} is not installed as a service; fleet service install {file}")
-    since = found.get("ActiveEnterTimestamp") or "never"
-    state = f"{found.get('ActiveState', 'unknown')} ({found.get('SubState', 'unknown')})"
-    out.say(f"{unit_name(edge)}: {state}, {found.get('UnitFileState', '')}, last started: {since}")
-    out.say(f"process {found.get('MainPID', '-')}, restarts {found.get('NRestarts', '-')}")
-    if found.get("StatusText"):
-        out.say(found["StatusText"])
-    return ExitCode.OK if found.get("ActiveState") == "active" else ExitCode.NOT_RUNNING
+    shown = [(units[0], found), *([(units[1], agent)] if has_agent else [])]
+    for unit, told in shown:
+        _tell_status(out, unit, told)
+    runs = all(told.get("ActiveState") == "active" for _, told in shown)
+    return ExitCode.OK if runs else ExitCode.NOT_RUNNING
+
+
+def _tell_status(out: Output, unit: str, told: Mapping[str, str]) -> None:
+    """Tell what systemd says of a unit."""
+    since = told.get("ActiveEnterTimestamp") or "never"
+    state = f"{told.get('ActiveState', 'unknown')} ({told.get('SubState', 'unknown')})"
+    out.say(f"{unit}: {state}, {told.get('UnitFileState', '')}, last started: {since}")
+    out.say(f"process {told.get('MainPID', '-')}, restarts {told.get('NRestarts', '-')}")
+    if told.get("StatusText"):
+        out.say(told["StatusText"])
 
 
 @service.command()
@@ -114,8 +138,9 @@ def status(out: Output, file: Path) -> ExitCode:
 @click.option("-f", "--follow", is_flag=True, help="Go on with what comes, until Ctrl-C.")
 @click.option("-n", "--last", type=click.IntRange(min=0), default=100, show_default=True, help="Lines.")
 @click.option("--robot", help="Only lines about this robot.")
+@click.option("--agent", "of_agent", is_flag=True, help="That of the agent of its roll-outs.")
 @with_output
-def logs(out: Output, file: Path, *, follow: bool, last: int, robot: str | None) -> None:
+def logs(out: Output, file: Path, *, follow: bool, last: int, robot: str | None, of_agent: bool) -> None:
     """Show the log of the service of the edge of FILE, from the journal of systemd.
 
     Starts before the log of the edge, and has also what systemd says of it. With --json journald's own form.
@@ -123,7 +148,8 @@ def logs(out: Output, file: Path, *, follow: bool, last: int, robot: str | None)
     program = shutil.which("journalctl")
     if program is None:
         raise ServiceError("this computer has no journalctl: a service needs systemd")
-    command = [program, f"--unit={unit_name(_edge(file))}", f"--lines={last}", "--no-pager"]
+    unit = agent_unit_name(_edge(file)) if of_agent else unit_name(_edge(file))
+    command = [program, f"--unit={unit}", f"--lines={last}", "--no-pager"]
     command += ["--follow"] * follow + ["--output=json"] * out.as_json
     command += [f"FLEET_ROBOT={robot}"] if robot else []
     sys.stdout.flush()
@@ -136,9 +162,9 @@ def logs(out: Output, file: Path, *, follow: bool, last: int, robot: str | None)
 @_ROOT
 @with_output
 def uninstall_(out: Output, file: Path, *, root: Path | None) -> None:
-    """Stop the service of the edge of FILE and remove it. Fleet file, state and user stay.
+    """Stop the service of the edge of FILE and remove it, and that of its agent.
 
-    Its robots are brought to a standstill first, as by Ctrl-C.
+    Fleet file, bundles, state and user stay. Its robots are brought to a standstill first, as by Ctrl-C.
     """
     removed = uninstall(_edge(file), root or Path("/"), _runner(root))
     out.data({"removed": [str(path) for path in removed]})
@@ -163,6 +189,17 @@ def _spec(file: Path) -> ServiceSpec:
         raise ConfigError(f"{file} is for a pair of edges: --edge-id {which} says which one this is")
     absolute = Path(os.path.abspath(file))  # noqa: PTH100 - links such as current/fleet.yaml stay as they are
     return spec_of(loaded, absolute, Path(sys.executable))
+
+
+def _agent_spec(spec: ServiceSpec) -> AgentSpec:
+    """Return what the service of the agent is made from; raises ConfigError, InvalidConfig."""
+    from fleet.rollout.settings import FILE, read_settings  # noqa: PLC0415 - only for an agent
+
+    agent = agent_spec_of(spec.edge, spec.file, spec.python)
+    settings = read_settings(agent.folder / FILE)
+    if settings.edge != spec.edge:
+        raise ConfigError(f"{agent.folder / FILE} is for edge {settings.edge}, not {spec.edge}")
+    return agent
 
 
 def _edge(file: Path) -> str:

@@ -95,6 +95,7 @@ class CloudClient:
         self._connection: MqttConnection | None = None
         self._session: MqttSession | None = None
         self._flushing = False
+        self._gathering = False
         self._queued = False  # something was, for later, since the last ``flush_queued``
 
     def start(self) -> None:
@@ -179,7 +180,11 @@ class CloudClient:
         """Flush, if something was queued since; from another thread that costs more than a message."""
         if self._queued or self._outbox.waits:
             self._queued = False
-            self.flush()
+            connection = self._connection
+            planned = connection is not None and connection.write_is_planned
+            if not (planned or self._flushing or self._gathering):
+                self._gathering = True
+                self._soon(self._flush_soon)
 
     @property
     def full(self) -> bool:
@@ -200,8 +205,14 @@ class CloudClient:
             with contextlib.suppress(RuntimeError):  # closed, perhaps just now
                 (loop.call_soon if ours else loop.call_soon_threadsafe)(call)
                 return True
-        self._flushing = False
+        self._flushing = self._gathering = False
         return False
+
+    def _flush_soon(self) -> None:
+        """Write, or plan to; the mark falls first, as in ``_flush_now``."""
+        self._gathering = False
+        if self._connection:
+            self._connection.flush_soon()
 
     def _flush_now(self) -> None:
         """Write. The mark falls first, so that a message queued from now on asks for the next write."""

@@ -61,8 +61,11 @@ class InflightWindow:
         return bool(self._answers)
 
     def busy(self) -> bool:
-        """Tell whether messages could be sent or are not acknowledged yet."""
-        return bool(self._inflight) or not self._outbox.idle
+        """Tell whether messages could be sent or are not acknowledged yet.
+
+        An acknowledgement that the spool has not seen yet may let the next message of its topic go.
+        """
+        return bool(self._inflight or self._answers) or not self._outbox.idle
 
     def next_id(self) -> int:
         """Return a packet identifier that is free."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import logging
+import math
 import socket
 import threading
 from collections.abc import Callable, Mapping
@@ -27,6 +28,13 @@ TLS_ALERT = b"\x15\x03"  # how a server with TLS answers what is none (RFC 8446,
 TRY_TLS = "try tls: true"
 MOST_READS = 64
 """Reads of one look of the thread that stands by: the loop may want the connection back."""
+WRITE_SPACING = 0.002
+"""Seconds between two writes of messages that may wait, such as status and events.
+
+A write costs the edge a system call, and its acknowledgements a wake-up each time. On a fast computer every
+message of a stream had its own: at 10,000 messages/s 64 us of processor time each instead of 26.
+"""
+_LARGE_WRITE = 8 * 1024  # bytes after which the rest of what waits follows in the next turn of the loop
 LONGEST_LOOK = 0.01
 """Seconds after which it reads no more: of small messages so many reads would take it some."""
 
@@ -92,10 +100,17 @@ class MqttConnection:
         self._keepalive = Keepalive(settings.keepalive, clock.monotonic())
         self._lock = threading.Lock()  # of everything that reading and writing share
         self._failure: CloudError | None = None
+        self._wrote_at = -math.inf
+        self._write_is_planned = False
         self._reads = 0
         self._seen = -1
         self._stream = BrokerSocket(opened, self._readable, self._writable)
         self._write(session.connect())
+
+    @property
+    def write_is_planned(self) -> bool:
+        """True while a write is planned that takes all messages queued until then; on any thread."""
+        return self._write_is_planned
 
     @property
     def full(self) -> bool:
@@ -212,7 +227,8 @@ class MqttConnection:
         if self._session.ready and not self.ready.done():
             self._keepalive.interval = self._session.keepalive  # from now on the broker's own counts
             self.ready.set_result(None)
-        self.flush()
+            self.flush()
+        self.flush_soon()
 
     def resubscribe(self, subscriptions: Mapping[str, int]) -> None:
         """Subscribe to other filters from now on; on the loop."""
@@ -227,11 +243,30 @@ class MqttConnection:
         """
         if self.ended.done() or self._stream.full:
             return
+        now = self._clock.monotonic()
         with self._lock:
-            data = self._session.send(self._clock.monotonic())
+            data = self._session.send(now)
             self._write(data)
         if data:
-            self._go_on(self.flush)
+            self._wrote_at = now
+            self._go_on(self.flush if len(data) >= _LARGE_WRITE else self.flush_soon)
+
+    def flush_soon(self) -> None:
+        """Flush, but not within ``WRITE_SPACING`` of the last write; on the loop.
+
+        The first message after a pause leaves at once, those of a stream share writes.
+        """
+        wait = self._wrote_at + WRITE_SPACING - self._clock.monotonic()
+        if wait <= 0:
+            self.flush()
+        elif not self._write_is_planned and self._session.busy():
+            self._write_is_planned = True
+            self._loop.call_later(wait, self._flush_as_planned)
+
+    def _flush_as_planned(self) -> None:
+        """Flush; the mark falls first, so that a message queued from now on plans the next write."""
+        self._write_is_planned = False
+        self.flush()
 
     async def answered(self) -> None:
         """Wait until the connection is ready, or ended before it was."""

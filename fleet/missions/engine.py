@@ -10,6 +10,7 @@ from collections.abc import Callable, Iterable, Mapping
 
 from fleet.missions.ending import Ending
 from fleet.missions.facts import Seen
+from fleet.missions.pausing import Pausing
 from fleet.missions.program import Program
 from fleet.missions.run_robots import RunRobots
 from fleet.missions.state import (
@@ -22,12 +23,10 @@ from fleet.missions.state import (
     Facts,
     Head,
     Heard,
-    Hold,
     Left,
     Member,
     NotStarted,
     Occupied,
-    Occupy,
     Outcome,
     Part,
     Pause,
@@ -40,12 +39,9 @@ from fleet.missions.state import (
     Start,
     StopAll,
     Tick,
-    required,
 )
 from fleet.missions.steps import Steps
 
-PAUSABLE = frozenset({"goto", "path", "plan", "follow"})
-"""What leads a robot somewhere: it can be paused, and gone on with; any other command ends by itself."""
 RETRIED = frozenset({Outcome.FAILED, Outcome.REFUSED})
 
 
@@ -67,6 +63,7 @@ class Engine:
         self.seen = Seen()
         self.ending = Ending(program, self.head, self.robots)
         self.steps = Steps(program, self.head, self.robots, self.seen, self.ending)
+        self.pausing = Pausing(program, self.head, self.robots, self.seen, self.steps)
         self._handlers: Mapping[type, Callable[..., None]] = {
             Start: self._start,
             Restarted: self._restarted,
@@ -80,8 +77,8 @@ class Engine:
             Heard: lambda event: self.seen.heard(event.robot, event.event, self._now),
             Left: self._left,
             Answer: self._answer,
-            Pause: self._pause,
-            Resume: self._resume,
+            Pause: self.pausing.pause,
+            Resume: self.pausing.resume,
             Abort: lambda event: self.ending.abort(f"aborted by {event.by or 'somebody'}", self._now),
             StopAll: self._stop_all,
         }
@@ -170,57 +167,6 @@ class Engine:
                 self.robots.lose(robot, Outcome.STOPPED, event.reason, self._now)
         self.ending.stopped(event.reason, self._now)
 
-    def _pause(self, event: Pause) -> None:
-        """Let robots hold, and note where they are left; all do where one of them does not go on."""
-        head = self.head
-        if event.robot:
-            self.robots.note(event.reason, event.robot, self.steps.name)
-        if head.phase not in (Phase.STEP, Phase.WAITING, Phase.ASKING):
-            return
-        head.paused_from, head.paused_at, head.phase = head.phase, self._now, Phase.PAUSED
-        why = f"The run stays paused for {event.robot}" if event.robot else ""
-        self.robots.note(why or f"{event.by or 'Somebody'} paused the run", step=self.steps.name)
-        for member in self.robots.within():
-            member.paused_at = self.seen.position(member.robot)
-            self.robots.touched[f"member {member.robot}"] = member
-        self._hold(resumes=False, without=event.robot)
-
-    def _hold(self, *, resumes: bool, without: str = "") -> None:
-        """Pause what leads robots somewhere, or let it go on."""
-        for part in self.robots.active("do"):
-            if part.act.verb in PAUSABLE and part.robot != without:
-                self.robots.effects.append(Hold(part, resumes))
-
-    def _resume(self, event: Resume, *, confirmed: bool = False) -> None:
-        """Go on with a run that was paused, unless something has changed that a person should know."""
-        head = self.head
-        if head.phase is not Phase.PAUSED:
-            return
-        asking = head.question is not None and head.question.about != "resume"
-        trouble = "" if confirmed or asking else self._change()
-        if trouble:
-            self.steps.losses.ask(f"{trouble}. Go on all the same?", "resume")
-            return
-        head.phase, paused = head.paused_from, self._now - head.paused_at
-        head.until += paused
-        head.question = head.question if asking else None
-        for part in self.robots.active():
-            part.until += paused
-            self.robots.touched[part.identity] = part
-        self.robots.note(f"{event.by or 'Somebody'} let the run go on", step=self.steps.name)
-        self._hold(resumes=True)
-        self._go_on_between()
-        self.steps.look()
-
-    def _change(self) -> str:
-        """Return what has changed since the pause; empty when nothing has."""
-        for member in self.robots.within():
-            trouble = self.seen.lacks(member.robot, required(self.program, self.head))
-            trouble = trouble or self.seen.moved(member.robot, member.paused_at)
-            if trouble:
-                return f"{member.robot}: {trouble}"
-        return ""
-
     def _answer(self, event: Answer) -> None:
         """Take a person's answer; while the run is paused only to whether it may go on."""
         question = self.head.question
@@ -243,7 +189,7 @@ class Engine:
             self.steps.losses.fail(f"{question.text} no answer")
             self.steps.look()
         elif question.about == "resume":
-            self._resume(Resume(by), confirmed=True)
+            self.pausing.resume(Resume(by), confirmed=True)
         elif question.about == "robot":
             self.steps.again()
         else:
@@ -296,7 +242,7 @@ class Engine:
         elif within:
             self._ask_where_to_go_on()
         elif policy == "continue":
-            self._go_on_between()
+            self.pausing.go_on_between()
         elif self.head.question is None:
             self._pause_after_restart()
 
@@ -311,14 +257,5 @@ class Engine:
 
     def _pause_after_restart(self) -> None:
         """Ask whether to go on where it was: nothing was under way."""
-        if self.head.phase is not Phase.PAUSED:
-            self.head.paused_from, self.head.paused_at = self.head.phase, self._now
-            self.head.phase = Phase.PAUSED
+        self.pausing.begin()
         self.steps.losses.ask(f"The edge restarted before step {self.steps.name} was over. Go on?", "resume")
-
-    def _go_on_between(self) -> None:
-        """Go on between two steps, or before the first."""
-        if self.head.phase is Phase.OCCUPYING:
-            self.robots.effects.append(Occupy())
-        elif self.head.phase in (Phase.NEW, Phase.FILLING, Phase.PREPARING):
-            self.steps.go_on()

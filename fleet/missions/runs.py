@@ -19,10 +19,11 @@ import msgspec
 from fleet.clock import Clock
 from fleet.config.missions import Mission
 from fleet.errors import Refused
-from fleet.missions.engine import PAUSABLE, Engine
+from fleet.missions.engine import Engine
 from fleet.missions.filling import Filling, members_of, needs_of
 from fleet.missions.holding import Told
 from fleet.missions.other_edges import Elsewhere, not_kept_apart, require_reach
+from fleet.missions.pausing import PAUSABLE
 from fleet.missions.points import SiteMap
 from fleet.missions.program import Act, Do, Program
 from fleet.missions.report import ControlAsk, RunState, StartAsk, state_of

@@ -78,7 +78,8 @@ class EdgeState(msgspec.Struct, frozen=True, omit_defaults=True):
     ``spooled`` ones that are kept until the cloud has them, ``unheard`` of these because nobody there
     subscribes to their topics, and light ones (``queued_bytes``); ``refused`` were refused in either
     direction, ``dropped`` lost.
-    ``round_trip`` is seconds to the cloud and back. ``groups`` and ``places`` are those of its fleet.yaml.
+    ``round_trip`` is seconds to the cloud and back. ``problems`` are all of what the edge itself rests on but
+    the cloud, in words. ``groups`` and ``places`` are those of its fleet.yaml.
     ``pair`` is what it is in its pair (holder, standby or fenced), ``epoch`` that of its lease,
     ``pair_file`` the digest of what the files of both must agree about.
     """
@@ -109,3 +110,4 @@ class EdgeState(msgspec.Struct, frozen=True, omit_defaults=True):
     pair: str = ""
     epoch: int = 0
     pair_file: str = ""
+    problems: list[str] = []

@@ -34,7 +34,7 @@ class SimulatedStart:
         found = self._robots[robot]
         request = found.read(kind, payload, way=way, request_id=identity, waits=True)
         try:
-            ask = found.ask_of(kind, payload, way=way, request_id=identity)
+            ask = found.requests.ask_of(kind, payload, way=way, request_id=identity)
             if isinstance(ask, Command | Navigate):
                 trouble = against(found.controller, ask, found.spec_of(ask.name))
             else:

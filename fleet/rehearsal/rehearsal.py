@@ -140,7 +140,7 @@ class Rehearsal:
             robot = self._robots.robots[name]
             robot.controller.latch.engage(cause.why)
             robot.controller.halt(emergency=True)
-            robot.follow_emergency(cause)
+            robot.requests.follow_emergency(cause)
 
     def _heard(self, robot: str, event: str) -> None:
         """Take an event of a robot."""

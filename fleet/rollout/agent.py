@@ -19,7 +19,8 @@ from fleet.health.aggregate import LEVELS
 from fleet.model.health import Level
 from fleet.rollout.bundle import Bundle, BundleError, opened
 from fleet.rollout.decision import Action, Record, Refusal, action, version_refusal
-from fleet.rollout.edge_here import Applied, EdgeHere
+from fleet.rollout.edge_here import Applied, EdgeHere, Running
+from fleet.rollout.faults import got_worse
 from fleet.rollout.installation import Installation
 from fleet.rollout.messages import (
     LONGEST_LINE,
@@ -39,6 +40,7 @@ log = logging.getLogger(__name__)
 MOST_REFUSALS = 100
 HEALTH_EVERY = 1.0  # s
 REPORT_EVERY = 60.0  # s, also without news
+MOST_WORSE = 3  # parts of an edge that a report names
 GONE_FOR = 60.0  # s; an edge that ran before and is gone for so long goes back
 
 
@@ -152,6 +154,7 @@ class Agent:
             highest_bundle=address if bundle.version >= self.record.highest else self.record.highest_bundle,
             placed=self._clock.time(),
             health=found.health if found else "",
+            faults=found.faults if found else None,
             adapters=code.adapters,
             loaded=(),
             files=code.files,
@@ -175,7 +178,7 @@ class Agent:
         else:
             self._keep(running=record.bundle)
             self._settle(Stage.DONE, "")
-            await asyncio.to_thread(self._installation.tidy, {record.bundle})
+            await asyncio.to_thread(self._installation.tidy)
 
     async def _withdraw(self, _desired: Desired | None) -> None:
         """Go back: the roll-out ended before this edge was done."""
@@ -247,12 +250,7 @@ class Agent:
         return f"edge {self._edge} ran before, and has been gone for {GONE_FOR:.0f} s with the bundle"
 
     async def _worse(self, settle: float) -> str:
-        """Watch the edge for some seconds; return why it is less healthy at their end, empty when it is not.
-
-        One that did not run before must come up able to work.
-        """
-        before = self.record.health
-        allowed = LEVELS[before] if before else Level.DEGRADED
+        """Watch the edge for some seconds; return what is worse at their end, empty when nothing is."""
         until = self._clock.monotonic() + settle
         while True:
             found = await asyncio.to_thread(self._here.running)
@@ -261,10 +259,7 @@ class Agent:
             if self._clock.monotonic() >= until:
                 break
             await self._sleep(HEALTH_EVERY)
-        if LEVELS[found.health] <= allowed:
-            return ""
-        then = f"was {before}" if before else "did not run before"
-        return f"the edge is {found.health}, {then}: {found.cause}"
+        return _worse_than(self.record, found)
 
     # -- what it keeps and tells -----------------------------------------------------------------------
 
@@ -280,7 +275,7 @@ class Agent:
         level = logging.INFO if stage is Stage.DONE else logging.WARNING
         bundle = self.record.bundle[:12]
         log.log(level, "bundle %s: %s%s", bundle, stage.value, f": {why}" if why else "")
-        self._keep(stage=stage, why=why[:LONGEST_WHY], adapters=(), loaded=(), files=())
+        self._keep(stage=stage, why=why[:LONGEST_WHY], adapters=(), loaded=(), files=(), faults=None)
 
     def _keep(self, **changes: Any) -> None:
         """Change the record, on the disk first; raises StateError."""
@@ -319,6 +314,21 @@ class Agent:
             self._silent(error)
         else:
             self._reported, self._reported_at = record, now
+
+
+def _worse_than(record: Record, found: Running) -> str:
+    """Return what is worse with a running edge than before the bundle; empty when nothing is.
+
+    One that did not run before must come up able to work.
+    """
+    if record.health and record.faults is not None:
+        worse = got_worse(record.faults, found.faults)
+        more = f"; and {len(worse) - MOST_WORSE} more" if len(worse) > MOST_WORSE else ""
+        return "; ".join(worse[:MOST_WORSE]) + more
+    if LEVELS[found.health] <= (LEVELS[record.health] if record.health else Level.DEGRADED):
+        return ""
+    then = f"was {record.health}" if record.health else "did not run before"
+    return f"the edge is {found.health}, {then}: {found.cause}"
 
 
 def _bounded(lines: tuple[str, ...]) -> tuple[str, ...]:

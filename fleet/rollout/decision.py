@@ -7,6 +7,7 @@ from enum import StrEnum
 
 import msgspec
 
+from fleet.rollout.faults import Fault
 from fleet.rollout.messages import SETTLED, Desired, Stage
 
 
@@ -24,8 +25,9 @@ class Record(msgspec.Struct, frozen=True):
 
     ``running`` is the last bundle that was taken as a whole; ``highest`` the highest version that was ever
     put in place, by ``highest_bundle``. ``bundle`` and ``stage`` are of the roll-out ``rollout``, begun by
-    ``by``. ``placed``: when (Unix s) the link was last changed; ``health``: that of the edge before, which
-    must not get worse. ``adapters`` have changed code, of which ``loaded`` was taken into use; ``files`` are
+    ``by``. ``placed``: when (Unix s) the link was last changed; ``health``: that of the edge before, empty
+    where it did not run, and ``faults`` what was wrong then, which must not get worse; None in a record of an
+    older fleet. ``adapters`` have changed code, of which ``loaded`` was taken into use; ``files`` are
     read by a start of the edge only. ``ends``: what a return ends as.
     """
 
@@ -41,6 +43,7 @@ class Record(msgspec.Struct, frozen=True):
     lines: tuple[str, ...] = ()
     placed: float = 0.0
     health: str = ""
+    faults: tuple[Fault, ...] | None = None
     adapters: tuple[str, ...] = ()
     loaded: tuple[str, ...] = ()
     files: tuple[str, ...] = ()

@@ -16,6 +16,7 @@ from fleet.config.yaml import SECRETS, read
 from fleet.errors import FleetError, NotRunning
 from fleet.model.change import Change, ChangeKind, ChangesAsked, Outcome
 from fleet.rollout.bundle import FLEET_FILE, BundleError
+from fleet.rollout.faults import Fault, faults_of
 
 RELOAD_WITHIN = 90.0  # s
 
@@ -39,11 +40,12 @@ class Applied(msgspec.Struct, frozen=True):
 
 
 class Running(msgspec.Struct, frozen=True):
-    """An edge that runs: its health, and since when it runs (Unix s)."""
+    """An edge that runs: its health, since when it runs (Unix s), and what is wrong, part by part."""
 
     health: str
     cause: str
     since: float
+    faults: tuple[Fault, ...] = ()
 
 
 class EdgeHere(Protocol):
@@ -109,9 +111,12 @@ class LocalEdge:
         try:
             with Edges.reach(str(self._file)) as edges:
                 found = next((state for state in edges.edges() if state.edge == self._edge), None)
+                robots = edges.states() if found else []
         except FleetError:
             return None
-        return None if found is None else Running(found.health, found.cause, found.stamp - found.uptime)
+        if found is None:
+            return None
+        return Running(found.health, found.cause, found.stamp - found.uptime, faults_of(found, robots))
 
 
 def summary(changes: Iterable[Change]) -> Applied:

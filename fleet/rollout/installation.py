@@ -66,7 +66,7 @@ class Installation:
     def stage(self, bundle: Bundle, address: str) -> None:
         """Write the files of a bundle into its folder, whole or not at all."""
         place = self.folder_of(address)
-        if address == self.current:
+        if address in self._in_use() and place.is_dir():
             return
         try:
             place.parent.mkdir(mode=0o700, exist_ok=True)
@@ -94,12 +94,19 @@ class Installation:
                 f"cannot put bundle {address[:12]} in place: {error.strerror or error}"
             ) from None
 
-    def tidy(self, kept: set[str]) -> None:
+    def tidy(self) -> None:
         """Remove the bundles that nobody goes back to."""
-        folder = self.folder / VERSIONS
+        folder, kept = self.folder / VERSIONS, self._in_use()
         for path in folder.iterdir() if folder.is_dir() else ():
-            if path.name not in {*kept, self.current}:
+            if path.name not in kept:
                 shutil.rmtree(path, ignore_errors=True)
+
+    def _in_use(self) -> frozenset[str]:
+        """Return the bundles that are never removed: in place, and the last that was taken as a whole.
+
+        While another one waits, the edge may run with that, and goes back to it.
+        """
+        return frozenset({self.current, self.record().running})
 
     def record(self) -> Record:
         """Return how far the edge is."""

@@ -12,8 +12,9 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
 from fleet.errors import FleetError
+from fleet.service.agent_unit import AgentSpec, agent_text, agent_unit_name
 from fleet.service.devices import udev_rules
-from fleet.service.unit import GROUP, ServiceSpec, sysusers_text, unit_name, unit_text
+from fleet.service.unit import GROUP, USER, ServiceSpec, sysusers_text, unit_name, unit_text
 
 Run = Callable[[Sequence[str]], str]
 _HEAD = "# Written by fleet service install\n"
@@ -24,12 +25,14 @@ class ServiceError(FleetError):
     """The service cannot be installed, asked or removed."""
 
 
-def files_of(spec: ServiceSpec) -> dict[Path, str]:
-    """Return the files of a service, relative to the root folder, with their text."""
+def files_of(spec: ServiceSpec, agent: AgentSpec | None = None) -> dict[Path, str]:
+    """Return the files of a service, relative to the root folder, with their text; of its ``agent`` too."""
     files = {
         Path("etc/systemd/system", spec.unit): unit_text(spec),
         Path("etc/sysusers.d/fleet.conf"): _HEAD + sysusers_text(),
     }
+    if agent is not None:
+        files[Path("etc/systemd/system", agent.unit)] = agent_text(agent)
     rules = udev_rules(spec.devices, GROUP)
     if rules:
         files[_rules_file(spec.edge)] = _HEAD + rules
@@ -46,33 +49,41 @@ def unit_file(edge: str, root: Path = Path("/")) -> Path:
     return root / "etc/systemd/system" / unit_name(edge)
 
 
-def install(spec: ServiceSpec, root: Path, run: Run | None, *, start: bool) -> list[Path]:
+def install(
+    spec: ServiceSpec, root: Path, run: Run | None, *, start: bool, agent: AgentSpec | None = None
+) -> list[Path]:
     """Write the files below ``root``; with ``run``, load and enable them, and ``start`` the edge.
 
-    Returns the files. An edge that runs is not touched: it has the new unit at its next start. Raises
-    ServiceError.
+    With its ``agent``, whose folder then belongs to the user of the service. Returns the files. An edge that
+    runs is not touched: it has the new unit at its next start. Raises ServiceError.
     """
-    files = files_of(spec)
+    files = files_of(spec, agent)
     for path, text in files.items():
         write_whole(root / path, text)
     if run is not None:
         run(["systemd-sysusers"])
+        if agent is not None:
+            run(["chown", "--recursive", "--no-dereference", f"{USER}:{GROUP}", "--", str(agent.folder)])
         _reload(run, devices=bool(udev_rules(spec.devices, GROUP)))
-        run(["systemctl", "enable", *(["--now"] if start else []), spec.unit])
+        units = [spec.unit, *([agent.unit] if agent else [])]
+        run(["systemctl", "enable", *(["--now"] if start else []), *units])
     return [root / path for path in files]
 
 
 def uninstall(edge: str, root: Path, run: Run | None) -> list[Path]:
-    """Stop the service, forget it and remove its files; state, fleet file and user stay.
+    """Stop the service and that of its agent, forget them and remove their files.
+
+    State, fleet file, bundles and user stay.
 
     Returns the removed files. Raises ServiceError, also where no service of this edge is installed.
     """
     unit, rules = unit_file(edge, root), root / _rules_file(edge)
+    agent = unit.with_name(agent_unit_name(edge))
     if not unit.exists():
         raise ServiceError(f"there is no service of edge {edge}: {unit} does not exist")
+    removed = [path for path in (agent, unit, rules) if path.exists()]
     if run is not None:
-        run(["systemctl", "disable", "--now", unit.name])
-    removed = [path for path in (unit, rules) if path.exists()]
+        run(["systemctl", "disable", "--now", *(path.name for path in removed if path != rules)])
     for path in removed:
         path.unlink()
     if run is not None:
@@ -123,9 +134,9 @@ def is_root() -> bool:
     return os.geteuid() == 0
 
 
-def status_of(edge: str, run: Run) -> Mapping[str, str]:
-    """Return what systemd says of the service of an edge, by property; raises ServiceError."""
-    told = run(["systemctl", "show", f"--property={','.join(PROPERTIES)}", unit_name(edge)])
+def status_of(unit: str, run: Run) -> Mapping[str, str]:
+    """Return what systemd says of a unit, by property; raises ServiceError."""
+    told = run(["systemctl", "show", f"--property={','.join(PROPERTIES)}", unit])
     pairs = (line.partition("=") for line in told.splitlines())
     return {name: value for name, _, value in pairs if name in PROPERTIES}
 

@@ -7,6 +7,7 @@ the clock's readings and /proc stay open, because robots, the bus, the cloud and
 from __future__ import annotations
 
 import re
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 import msgspec
@@ -15,6 +16,7 @@ from fleet.bus.settings import SERVICE_RUNTIME
 from fleet.config.load import Loaded
 from fleet.config.schema import Sections
 from fleet.errors import ConfigError
+from fleet.rollout.installation import CURRENT
 from fleet.service.devices import Devices, devices_of, unsafe_names
 
 USER = GROUP = "fleet"
@@ -23,6 +25,7 @@ CONFIG = Path("/etc/fleet")
 WATCHDOG = 10  # s without a sign of the supervisor after which systemd kills it; edge and workers then end
 REALTIME = 40  # the priority that control loops of quadrupeds on CAN ask for
 HIDDEN = tuple(map(Path, ("/home", "/root", "/run/user", "/tmp", "/var/tmp")))  # noqa: S108 - what a service does not see
+FAMILIES = "AF_UNIX AF_INET AF_INET6 AF_NETLINK"  # of sockets: the bus, the cloud, and its view of networks
 _WORD = re.compile(r"[A-Za-z0-9_./:@+,=-]+")
 
 
@@ -45,6 +48,11 @@ class ServiceSpec(msgspec.Struct, frozen=True):
         """The name of the unit."""
         return unit_name(self.edge)
 
+    @property
+    def folder(self) -> Path:
+        """The folder in which it runs: not one to which the link of roll-outs leads, which are removed."""
+        return self.file.parent.parent if self.file.parent.name == CURRENT else self.file.parent
+
 
 def unit_name(edge: str) -> str:
     """Return the name of the unit of an edge."""
@@ -59,9 +67,7 @@ def spec_of(loaded: Loaded, file: Path, python: Path) -> ServiceSpec:
     config = loaded.config
     pair = config.pair is not None
     spec = ServiceSpec(config.edge.id, file, python, devices_of(loaded), _writable(config), of_a_pair=pair)
-    problems = [*_hidden(spec), *(f"{name!r} cannot stand in a unit or udev rule" for name in _unsafe(spec))]
-    if problems:
-        raise ConfigError("; ".join(problems))
+    check_paths((spec.file, spec.python, *spec.writable), unsafe_names(spec.devices))
     return spec
 
 
@@ -71,24 +77,26 @@ def _writable(config: Sections) -> tuple[Path, ...]:
     return tuple(path.absolute() for path in (config.edge.spool.path, record) if path is not None)
 
 
-def _hidden(spec: ServiceSpec) -> list[str]:
-    """Say which paths a service does not see: those of users, and temporary ones."""
-    return [
+def check_paths(paths: Sequence[Path], unsafe: Sequence[str] = ()) -> None:
+    """Raise ConfigError with all reasons where a service cannot have these paths.
+
+    It does not see those of users, and temporary ones. ``unsafe`` are other names that could mean something
+    else in the files of a service, as a path with a line break does.
+    """
+    problems = [
         f"{path} is below {folder}, which a service does not see: keep the fleet file in {CONFIG}, state in "
         f"{STATE}/fleet and the Python environment in /opt"
-        for path in (spec.file, spec.python, *spec.writable)
+        for path in paths
         for folder in HIDDEN
         if path.is_relative_to(folder)
     ]
+    broken = [str(path) for path in paths if not str(path).isprintable()]
+    problems += [f"{name!r} cannot stand in a unit or udev rule" for name in (*unsafe, *broken)]
+    if problems:
+        raise ConfigError("; ".join(problems))
 
 
-def _unsafe(spec: ServiceSpec) -> list[str]:
-    """Return the names of devices and paths that could mean something else in the files of a service."""
-    paths = [str(path) for path in (spec.file, spec.python, *spec.writable)]
-    return [*unsafe_names(spec.devices), *(path for path in paths if not path.isprintable())]
-
-
-def _word(value: object) -> str:
+def word(value: object) -> str:
     """Return one word of a unit: in quotes where it must be, and nothing in it expanded by systemd."""
     text = str(value).replace("%", "%%")
     if _WORD.fullmatch(text):
@@ -96,21 +104,21 @@ def _word(value: object) -> str:
     return '"' + text.replace("\\", "\\\\").replace('"', '\\"') + '"'
 
 
-def _argument(value: object) -> str:
-    """Return one word of a command line of a unit, where a dollar sign would name a variable."""
-    return _word(str(value).replace("$", "$$"))
+def command_line(words: Iterable[object]) -> str:
+    """Return the command line of a unit, where a dollar sign would name a variable."""
+    return " ".join(word(str(each).replace("$", "$$")) for each in words)
 
 
 def unit_text(spec: ServiceSpec) -> str:
     """Return the text of the unit."""
-    sections = (
-        ("Unit", _unit(spec)),
-        ("Service", [*_process(spec), *_places(spec), *_devices(spec), *_SANDBOX]),
-        ("Install", ["WantedBy=multi-user.target"]),
-    )
-    head = (
-        f"# Written by: fleet service install {spec.file}\n# An own drop-in keeps changes: systemctl edit\n"
-    )
+    service = [*_process(spec), *places(spec.edge, spec.folder, spec.writable), *_devices(spec), *SANDBOX]
+    return text_of(f"fleet service install {spec.file}", _unit(spec), service)
+
+
+def text_of(written_by: str, unit: Iterable[str], service: Iterable[str]) -> str:
+    """Return the text of a unit that starts with the computer, by the lines of its sections."""
+    head = f"# Written by: {written_by}\n# An own drop-in keeps changes: systemctl edit\n"
+    sections = (("Unit", unit), ("Service", service), ("Install", ("WantedBy=multi-user.target",)))
     return head + "".join(
         f"\n[{name}]\n" + "".join(f"{line}\n" for line in lines) for name, lines in sections
     )
@@ -139,7 +147,7 @@ def _process(spec: ServiceSpec) -> list[str]:
     return [
         "Type=notify",
         "NotifyAccess=main",
-        f"ExecStart={' '.join(map(_argument, command))}",
+        f"ExecStart={command_line(command)}",
         f"WatchdogSec={WATCHDOG}",
         "Restart=always",
         "RestartSec=1",
@@ -156,27 +164,27 @@ def _process(spec: ServiceSpec) -> list[str]:
     ]
 
 
-def _places(spec: ServiceSpec) -> list[str]:
+def places(edge: str, folder: Path, writable: Iterable[Path]) -> list[str]:
     """Return user, folders and environment. The group may use the sockets, and nobody else."""
     lines = [
         f"User={USER}",
         f"Group={GROUP}",
         "UMask=0007",
-        f"WorkingDirectory={str(spec.file.parent).replace('%', '%%')}",
+        f"WorkingDirectory={str(folder).replace('%', '%%')}",
         "StateDirectory=fleet",
         "StateDirectoryMode=0700",
         f"RuntimeDirectory={SERVICE_RUNTIME.name}",
         "RuntimeDirectoryMode=0750",
         "RuntimeDirectoryPreserve=yes",
         f"Environment=FLEET_RUNTIME_DIR={SERVICE_RUNTIME} XDG_STATE_HOME={STATE} HOME={STATE}/fleet",
-        f"EnvironmentFile=-{CONFIG}/{spec.edge}.env",
+        f"EnvironmentFile=-{CONFIG}/{edge}.env",
     ]
-    return lines + [f"ReadWritePaths={_word(path)}" for path in spec.writable]
+    return lines + [f"ReadWritePaths={word(path)}" for path in writable]
 
 
 def _devices(spec: ServiceSpec) -> list[str]:
     """Return what opens the devices of the fleet file, and closes all others."""
-    families = "AF_UNIX AF_INET AF_INET6 AF_NETLINK"
+    families = FAMILIES
     lines = [f"DeviceAllow={each} rw" for each in spec.devices.classes]
     if not spec.devices.files:
         lines.append("PrivateDevices=yes")
@@ -188,7 +196,7 @@ def _devices(spec: ServiceSpec) -> list[str]:
     return ["DevicePolicy=closed", *lines, f"RestrictAddressFamilies={families}"]
 
 
-_SANDBOX = (
+SANDBOX = (
     "NoNewPrivileges=yes",
     "CapabilityBoundingSet=",
     "AmbientCapabilities=",

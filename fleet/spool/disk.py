@@ -120,7 +120,7 @@ class SpoolDisk:
             self._close_store()
             self._fail(error)
             with self._using:
-                self._queue.no_disk()
+                self._queue.disk.no_disk()
             self._more()
             return False
         if store.aside is not None:
@@ -131,10 +131,10 @@ class SpoolDisk:
         """Take over what an earlier process left."""
         left, losses = store.left(), store.losses()
         with self._using:
-            self._queue.failing = False
+            self._queue.disk.failing = False
             self._queue.losses.add(losses)
             for each in left:
-                self._queue.found(each.topic, each.traffic, each.count, each.oldest, each.newest)
+                self._queue.disk.found(each.topic, each.traffic, each.count, each.oldest, each.newest)
         if self._queue.waiting:
             log.info("%d messages wait from before", self._queue.waiting)
 
@@ -146,14 +146,14 @@ class SpoolDisk:
 
     def _wanted(self) -> bool:
         """Tell whether there is something to do."""
-        return self._queue.unwritten or self._queue.needs_fetch
+        return self._queue.disk.unwritten or self._queue.disk.needs_fetch
 
     def _run(self) -> None:
         """Be the thread."""
         while not self._closing.is_set():
             self._wake.wait(LATE_LOOK)
             self._wake.clear()
-            if self._queue.online and not self._queue.needs_fetch:
+            if self._queue.online and not self._queue.disk.needs_fetch:
                 self._closing.wait(TICK)
             if not self._step():
                 self._closing.wait(RETRY)
@@ -183,14 +183,14 @@ class SpoolDisk:
         """Have what this process wrote keep its age when the wall clock is set, as after a start offline."""
         stepped = self._clock.time() - self._clock.monotonic() - self._offset
         if abs(stepped) >= STEPPED:
-            store.postpone(stepped, after=self._queue.before)
+            store.postpone(stepped, after=self._queue.disk.before)
             self._offset += stepped
             log.info("the clock was set by %.0f s: what waits keeps its age", stepped)
 
     def _write(self, store: SpoolFile) -> None:
         """Write what is due, after making room for it."""
         with self._using:
-            work = self._queue.work(self._clock.monotonic())
+            work = self._queue.disk.work(self._clock.monotonic())
             losses = self._queue.losses.known() if self._queue.losses.changed else None
             self._queue.losses.changed = False
         if not (work.rows or work.done or losses is not None):
@@ -202,11 +202,11 @@ class SpoolDisk:
             self._change(store, work, losses)
         except sqlite3.Error:
             with self._using:
-                self._queue.not_written(work)
+                self._queue.disk.not_written(work)
                 self._queue.losses.changed = True
             raise
         with self._using:
-            self._queue.wrote(work)
+            self._queue.disk.wrote(work)
         self._dirty = True
         if self.problem:
             log.info("the spool is written again")
@@ -223,7 +223,7 @@ class SpoolDisk:
     def _fetch(self, store: SpoolFile) -> None:
         """Bring back what will soon be sent."""
         with self._using:
-            fetches = self._queue.fetches()
+            fetches = self._queue.disk.fetches()
         for fetch in fetches:
             messages = store.fetch(fetch.topic, fetch.after, fetch.limit, fetch.traffic)
             now, wall = self._clock.monotonic(), self._clock.time()
@@ -232,7 +232,7 @@ class SpoolDisk:
                 left = min(message.expires - wall, longest[message.traffic])
                 message.since, message.deadline = now, now + left
             with self._using:
-                self._queue.fetched(fetch.topic, messages, more=len(messages) == fetch.limit)
+                self._queue.disk.fetched(fetch.topic, messages, more=len(messages) == fetch.limit)
         if fetches:
             self._more()
 
@@ -257,14 +257,14 @@ class SpoolDisk:
             by_topic[topic].append(seq)
         with self._using:
             for topic, seqs in by_topic.items():
-                self._queue.removed(topic, seqs, reason, self._clock.time())
+                self._queue.disk.removed(topic, seqs, reason, self._clock.time())
 
     def _abandon(self) -> None:
         """Leave a file that is damaged, to be set aside; what is in memory goes to a new one."""
         self._close_store()
         self._damaged = True
         with self._using:
-            self._queue.lost_disk(self._clock.time())
+            self._queue.disk.lost_disk(self._clock.time())
 
     def _fail(self, error: Exception) -> None:
         """Tell that what waits is kept in memory alone."""

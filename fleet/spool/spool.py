@@ -85,7 +85,7 @@ class Spool:
         """Remove and return what may be written next."""
         with self._using:
             batch = self._queue.take(now, window=window, reserve=reserve, size=size)
-        if self._queue.needs_fetch:
+        if self._queue.disk.needs_fetch:
             self._wake_disk()
         return batch
 

@@ -129,12 +129,6 @@ def test_settings_of_the_interpreter_have_one_owner(root):
 
 MOST_METHODS = 20  # of one class, properties and private ones counted
 LARGER = {
-    "fleet/host/edge/missions.py:Missions": 24,
-    "fleet/host/process/robot_process.py:RobotProcess": 25,
-    "fleet/host/robot/controller.py:RobotController": 35,
-    "fleet/host/robot/local_robot.py:LocalRobot": 27,
-    "fleet/missions/engine.py:Engine": 24,
-    "fleet/spool/queue.py:SpoolQueue": 34,
     "adapters/fleet_mavlink/adapter.py:MavlinkAdapter": 24,
     "adapters/fleet_mavlink/session.py:VehicleSession": 25,
     "adapters/fleet_mavlink/sim/autopilot.py:Autopilot": 47,

@@ -15,11 +15,11 @@ TWIN = "6f0c9a1e-3a6c-4f5e-9d2e-0c5a4b3d2e1f"
 class Sitl(Operator):
     """The adapter on a link to a real autopilot."""
 
-    def __init__(self, link, system_id, speed=None):
+    def __init__(self, link, system_id, speed=None, watchers=()):
         """Take ``speed`` (m/s) as its limit: a plane needs more than the adapter's own."""
         self._limits = MavlinkAdapter.limits.model_copy(update={"speed": speed} if speed else {})
         basics = {"name": "sitl", "twin": TWIN, "adapter": "mavlink", "link": link, "system_id": system_id}
-        self._config = MavlinkConfig.model_validate(basics)
+        self._config = MavlinkConfig.model_validate(basics | {"watchers": watchers})
 
     async def __aenter__(self):
         self.robot = LoopRobot("sitl", self._limits)

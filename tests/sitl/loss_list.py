@@ -8,6 +8,10 @@ from __future__ import annotations
 
 import re
 
+import pytest
+
+from fleet import Goal, GoTo, Vector3
+from fleet.errors import CommandError
 from fleet.model.health import Level
 from fleet.model.report import GpsReport
 
@@ -43,6 +47,20 @@ async def takes_off(it):
     await it.do("takeoff", altitude=HEIGHT)
 
 
+async def takes_nothing_that_needs_a_position(it):
+    """Ask for a hold, the way home, a goal: refused, and whoever has it keeps it for the same reason."""
+    authority = it.adapter._session.authority
+    taker = authority.taker
+    with pytest.raises(CommandError):
+        await it.adapter.stop("hover")
+    with pytest.raises(CommandError):
+        await it.do("return_to_home")
+    with pytest.raises(CommandError):
+        await anext(aiter(it.adapter.navigate(GoTo(Goal(position=Vector3(5.0, 0.0, HEIGHT))))))
+    assert authority.taker == taker
+    assert "ailsafe" in it.robot.healths[-1].cause
+
+
 async def loses_its_satellites(it):
     """Take them away: told soon, the fail-safe with its reason, then over."""
     name, off, on = SATELLITES[flavour(it)]
@@ -55,6 +73,7 @@ async def loses_its_satellites(it):
         assert "ailsafe" in it.robot.healths[-1].cause
         told = [each for each in it.robot.reports if isinstance(each, GpsReport)]
         assert told[-1].fix_type == "none"
+        await takes_nothing_that_needs_a_position(it)
     finally:
         await write(it, (name, on))
     await it.until(lambda: "not to be trusted" not in it.robot.healths[-1].cause, 30.0)

@@ -6,6 +6,7 @@ A step is a coroutine that takes ``it``: the adapter on a link. It fails by rais
 from __future__ import annotations
 
 import asyncio
+import contextlib
 
 import pytest
 
@@ -61,6 +62,20 @@ def place(it, east, north, height=HEIGHT):
 
 async def exhausted(steps):
     return [step async for step in steps]
+
+
+@contextlib.contextmanager
+def silence(it, *, both_ways=True):
+    """Hear nothing of the vehicle; it hears nothing either, if the link is lost ``both_ways``."""
+    hub = session(it)._hub
+    lost = ("receive", "send", "send_from_any_thread") if both_ways else ("receive",)
+    for way in lost:
+        setattr(hub, way, lambda *_: None)
+    try:
+        yield
+    finally:
+        for way in lost:
+            delattr(hub, way)
 
 
 async def circles(it, centre, seconds=30.0):
@@ -162,6 +177,26 @@ async def is_stopped_by_every_word(it):
             await it.do("disarm")
 
 
+async def is_stopped_first_when_its_link_is_back(it):
+    """Lose it on its way, and stop it by the first that it hears again: it circles there, at its height."""
+    position, _ = place(it, 3000.0, 0.0)
+    going = asyncio.ensure_future(exhausted(it.adapter.navigate(GoTo(Goal(position=position)))))
+    await it.until(lambda: mode(it) == flavour(it).goto, LONG)
+    await asyncio.sleep(8.0)
+    with silence(it):
+        await asyncio.sleep(5.0)
+    await it.until(lambda: session(it).vehicle.connected, 10.0)
+    where, height = it.state.position, it.state.relative_altitude
+    await it.adapter.stop("it was lost while it moved")
+    going.cancel()
+    await asyncio.gather(going, return_exceptions=True)
+    began = session(it).vehicle.now()
+    while session(it).vehicle.now() - began < 25.0:
+        assert away(it, where) < 2 * flavour(it).reach(it.state) + 40.0
+        assert abs(it.state.relative_altitude - height) < 15.0
+        await asyncio.sleep(1.0)
+
+
 async def flies_a_mission(it):
     """Fly two places and a circle; at its end it circles, held."""
     items = []
@@ -226,6 +261,7 @@ STEPS = (
     refuses_a_goal_that_it_cannot_fly_to,
     climbs_and_sinks_in_its_circle,
     is_stopped_by_every_word,
+    is_stopped_first_when_its_link_is_back,
     flies_a_mission,
     flies_home,
     lands_where_it_can,

@@ -4,6 +4,7 @@ Not run by default: the marker leaves it out. An address may end with ``#5`` for
 written beside where it is run, one file for each address, to attach to an issue.
 """
 
+import contextlib
 import os
 from pathlib import Path
 
@@ -19,28 +20,31 @@ ADDRESSES = [each for each in os.environ.get("FLEET_SITL", "").split(",") if eac
 async def test_an_autopilot_flies_the_list(sitl, module_at, address):
     assert address, "say where the autopilot is: FLEET_SITL=udpin:0.0.0.0:14550"
     link, _, system = address.partition("#")
-    lines = [f"flight list on {address}"]
-    try:
-        async with sitl(link, int(system or 1)) as it:
-            await it.until(lambda: it.robot.is_connected and it.state.heartbeat, 60.0)
-            flavour = it.adapter._session.vehicle.flavour
-            if flavour is None:
-                return  # not moved here
-            if flavour.surface:
-                other = module_at("sitl/other_station.py").OtherStation(it)
-                await module_at("sitl/drive_list.py").drive(it, other, lines.append)
-            elif not flavour.settings:
-                await module_at("sitl/flight_list.py").fly(it, lines.append)
-        if flavour.settings:
-            async with sitl(link, int(system or 1), FAST) as it:
-                planes = module_at("sitl/plane_list.py")
-                await it.until(lambda: it.robot.is_connected and it.state.home is not None, 240.0)
-                if it.adapter._session.vehicle.flavour.transitions:
-                    await module_at("sitl/vtol_list.py").fly(it, planes, lines.append)
-                else:
-                    await planes.fly(it, lines.append)
-    finally:
-        written(address, lines)
+    lines = []
+
+    def note(line):
+        lines.append(line)
+        written(address, lines)  # at once: a flight is long
+
+    note(f"flight list on {address}")
+    async with sitl(link, int(system or 1)) as it:
+        await it.until(lambda: it.robot.is_connected and it.state.heartbeat, 60.0)
+        flavour = it.adapter._session.vehicle.flavour
+        if flavour is None:
+            return  # not moved here
+        if flavour.surface:
+            other = module_at("sitl/other_station.py").OtherStation(it)
+            await module_at("sitl/drive_list.py").drive(it, other, note)
+        elif not flavour.settings:
+            await module_at("sitl/flight_list.py").fly(it, note)
+    if flavour.settings:
+        async with sitl(link, int(system or 1), FAST) as it:
+            planes = module_at("sitl/plane_list.py")
+            await it.until(lambda: it.robot.is_connected and it.state.home is not None, 240.0)
+            if it.adapter._session.vehicle.flavour.transitions:
+                await module_at("sitl/vtol_list.py").fly(it, planes, note)
+            else:
+                await planes.fly(it, note)
 
 
 def written(address, lines):
@@ -75,3 +79,16 @@ async def test_a_vehicle_that_another_station_moves_is_stopped(sitl, module_at, 
         other = module_at("sitl/other_station.py").OtherStation(it)
         for step in module_at("sitl/stop_list.py").steps_for(it):
             await step(it, other)
+
+
+@pytest.mark.sitl
+@pytest.mark.timeout(1800)
+@pytest.mark.parametrize("address", ADDRESSES or [None])
+async def test_a_ground_station_pauses_a_vehicle_whoever_moves_it(sitl, module_at, address):
+    assert address, "say where the autopilot is: FLEET_SITL=udpin:0.0.0.0:14550"
+    link, _, system = address.partition("#")
+    pauses = module_at("sitl/pause_list.py")
+    with contextlib.closing(pauses.Station()) as station:
+        async with sitl(link, int(system or 1), FAST, watchers=[station.watcher]) as it:
+            for step in pauses.STEPS:
+                await step(it, station)

@@ -6,6 +6,7 @@ A step is a coroutine that takes ``it``: the adapter on a link, ``planes``: the 
 from __future__ import annotations
 
 import asyncio
+import contextlib
 
 import pytest
 
@@ -83,6 +84,54 @@ async def is_stopped_in_its_hover(it, planes):
             assert abs(it.state.relative_altitude - height) < SINKS
             await asyncio.sleep(0.5)
         assert planes.speed(it) < 1.0, "it stands, where it came to stand or where the stop began"
+
+
+@contextlib.asynccontextmanager
+async def sent_far(it, planes, east):
+    """Send it to a place in its hover, and let it get fast."""
+    far, _ = planes.place(it, east, 0.0, HEIGHT)
+    going = asyncio.ensure_future(exhausted(it.adapter.navigate(GoTo(Goal(position=far)))))
+    await it.until(lambda: planes.speed(it) > 2.0, LONG)
+    try:
+        yield
+    finally:
+        going.cancel()
+        await asyncio.gather(going, return_exceptions=True)
+
+
+async def comes_to_stand(it, planes, height, where):
+    """See it come to stand in its hover near a place, at its height, and stay there."""
+    await it.until(lambda: planes.speed(it) < 1.0 and it.state.vtol_state == HOVERS, 40.0)
+    for _ in range(20):
+        assert abs(it.state.relative_altitude - height) < 2 * SINKS
+        assert planes.away(it, where) < 60.0
+        await asyncio.sleep(0.5)
+    assert planes.speed(it) < 1.0
+
+
+async def is_stopped_first_when_its_link_is_back(it, planes):
+    """Lose it on its way; the first that it hears again is the stop of the host."""
+    async with sent_far(it, planes, 120.0):
+        with planes.silence(it):
+            await asyncio.sleep(5.0)
+        await it.until(lambda: planes.session(it).vehicle.connected, 10.0)
+        where, height = it.state.position, it.state.relative_altitude
+        await it.adapter.stop("it was lost while it moved")
+        await comes_to_stand(it, planes, height, where)
+
+
+async def is_stopped_while_it_is_not_heard(it, planes):
+    """Hear nothing of it on its way, and set the emergency stop: it stands, and is not flown back."""
+    async with sent_far(it, planes, -60.0):
+        with planes.silence(it, both_ways=False):
+            await asyncio.sleep(5.0)
+            await asyncio.to_thread(it.adapter.emergency_halt)
+            await asyncio.sleep(3.0)
+        await it.until(lambda: planes.session(it).vehicle.connected, 10.0)
+        await comes_to_stand(it, planes, it.state.relative_altitude, it.state.position)
+    _, there = planes.place(it, -60.0, 0.0)
+    assert planes.away(it, there) > 20.0, "it flew on"
+    await it.adapter.stop("hover")
 
 
 async def goes_to_a_place_in_its_hover(it, planes):
@@ -187,6 +236,20 @@ async def goes_back_to_its_hover(it, planes):
     assert planes.speed(it) < 1.5
 
 
+async def is_stopped_on_the_way_to_its_hover(it, planes):
+    """Stop it while it goes back from its wings, early and late: it hovers, near there, at its height."""
+    for reason, later in (("stop", 0.0), ("emergency_stop", 2.0)):
+        await it.do("transition", to="forward")
+        await it.until(lambda: planes.speed(it) > 8.0, LONG)
+        going = asyncio.ensure_future(it.do("transition", to="hover"))
+        await it.until(lambda: it.state.vtol_state in {SLOWS, HOVERS}, 20.0)
+        await asyncio.sleep(later)
+        where, height = it.state.position, it.state.relative_altitude
+        await it.adapter.stop(reason)
+        await asyncio.gather(going, return_exceptions=True)
+        await comes_to_stand(it, planes, height, where)
+
+
 async def flies_home_and_lands(it, planes):
     home = it.state.home
     await it.do("return_to_home")
@@ -216,6 +279,8 @@ STEPS = (
     is_set_up,
     takes_off_with_its_rotors,
     is_stopped_in_its_hover,
+    is_stopped_first_when_its_link_is_back,
+    is_stopped_while_it_is_not_heard,
     goes_to_a_place_in_its_hover,
     is_stopped_on_the_way_to_its_wings,
     goes_over_to_its_wings,
@@ -224,6 +289,7 @@ STEPS = (
     keeps_its_limit_on_its_wings,
     flies_a_mission_that_ends_in_a_circle,
     goes_back_to_its_hover,
+    is_stopped_on_the_way_to_its_hover,
     flies_home_and_lands,
     lands_by_a_plan,
 )

@@ -44,12 +44,14 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
             continue
         if item.path.name in REAL_TIME:
             item.add_marker(pytest.mark.real_time)
-        elif {"flying", "shared_fleet"} & set(item.fixturenames):
-            item.add_marker(pytest.mark.xdist_group(f"{item.path.stem} {flavour_of(item)}"))
+        elif "flying" in item.fixturenames:
+            item.add_marker(pytest.mark.xdist_group(f"flying {flavour_of(item)}"))
+        elif "shared_fleet" in item.fixturenames:
+            item.add_marker(pytest.mark.xdist_group(item.path.stem))
 
 
 def flavour_of(item: pytest.Item) -> str:
-    """Return the flavour of the drones that a test flies; empty for a test that flies none."""
+    """Return the flavour of the drones that a test flies; empty for a test that does not say it."""
     return str(item.callspec.params.get("flying", "")) if hasattr(item, "callspec") else ""
 
 
@@ -365,18 +367,19 @@ def shared_fleet(shared_runtime: str) -> Iterator[Callable[..., Running]]:
         yield start
 
 
+DRONES_ALONE = ("--drones", "2", "--ugvs", "0", "--dogs", "0")
 PX4, ARDUPILOT = "px4 on the demo's broker", "ardupilot on a foreign broker"
 """Autopilot and broker know nothing of each other, so two pairs show all that four would."""
 
 
 @pytest.fixture(params=[PX4, ARDUPILOT], scope="module")
 def flying(request: Any) -> Iterator[tuple[str, int]]:
-    """Run a demo with one drone of each flavour, on its own broker and on a foreign one; gives the broker."""
+    """Run a demo with drones of both flavours, on its own broker or on a foreign one; gives the broker."""
     broker: tuple[str, ...] = ()
     if request.param == ARDUPILOT:
         broker = ("--broker", f"127.0.0.1:{request.getfixturevalue('shared_foreign_broker').port}")
     with runtime_folder() as runtime, fleets(runtime) as fleet:
-        running = fleet("demo", "--drones", "2", "--json", *broker)
+        running = fleet("demo", *DRONES_ALONE, "--json", *broker)
         host, port = running.line(r"MQTT broker +(\S+):(\d+)").groups()
         for name in ("drone-1", "drone-2"):
             running.robot(name, "is well", lambda state: state["health"] == "ok")

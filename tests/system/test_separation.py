@@ -15,7 +15,7 @@ def _knows_all(state):
 @pytest.fixture
 def hovering(fleet):
     """Start a demo of two drones that are in the air, each at its own place."""
-    running = fleet("demo", "--drones", "2", "--ugvs", "1", "--json")
+    running = fleet("demo", "--drones", "2", "--ugvs", "1", "--dogs", "0", "--json")
     for name in ("drone-1", "drone-2", "ugv-1"):
         running.robot(name, "is well and knows where all are", _knows_all)
     return running

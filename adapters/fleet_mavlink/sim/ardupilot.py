@@ -27,6 +27,7 @@ _RELATIVE_FRAMES = frozenset({3, 6, 10, 11})
 _AMSL_FRAMES = frozenset({0, 5})
 _STOP = (0.0, 0.0, 0.0)
 _LANDED_DISARM = 2.0
+_CHECKS_EVERY = 1.0  # s; RUN_PREARM_CHECKS tells what it finds, and does not change the bit
 _PREARM_EVERY = 30.0
 _PREARM_BIT, _GPS_BIT, _RC_BIT = 0x10000000, 0x20, 0x10000
 
@@ -57,6 +58,7 @@ class ArduPilot(Autopilot):
         super().__init__(boot, self.modes[self.first_mode])
         self._switch_read = False
         self._prearm_told_at = boot.at
+        self._checked_at, self._checks_pass = boot.at, False
         self.failsafes = ArduPilotFailsafes(self)
         self.motors_stopped: Manoeuvre | None = None  # to resume when the emergency stop is released
         self.paused: Manoeuvre | None = None  # manoeuvre to resume after DO_PAUSE_CONTINUE
@@ -89,6 +91,8 @@ class ArduPilot(Autopilot):
             found.append("Vehicle outside Polygon fence")
         if self.failsafes.radio_lost:
             found.append("Radio failsafe on")
+        if "log_fails" in self.faults:
+            found.append("Logging failed")
         if not self.age(23.5):
             found.append("EKF3 still initialising")
         return found
@@ -97,7 +101,7 @@ class ArduPilot(Autopilot):
         """Return the observed bits, with the present GPS and PREARM_CHECK."""
         healthy = 0x4770FC0F | (_GPS_BIT if self.gps_fix else 0)
         healthy |= 0 if self.failsafes.radio_lost else _RC_BIT
-        if not self.refusals(force=False):
+        if self._checks_pass:
             healthy |= _PREARM_BIT
         return 0x5371FC2F, 0x5361FC2F if self.armed else 0x5261FC2F, healthy
 
@@ -198,8 +202,10 @@ class ArduPilot(Autopilot):
         self.battery.at_most(volts=self.params["SIM_BATT_VOLTAGE"])
 
     def supervise(self) -> None:
-        """Start up, report failing checks, disarm automatically, watch the fail-safes."""
+        """Start up, repeat the checks every second, disarm automatically, watch the fail-safes."""
         self._start_up()
+        if self.time - self._checked_at >= _CHECKS_EVERY:
+            self._checked_at, self._checks_pass = self.time, not self.refusals(force=False)
         if self.armed:
             self.watch_idle()
         self.failsafes.watch()

@@ -115,10 +115,10 @@ class Edge:
             self.remote = self._remote_robots.by_name
             self.process.claims.add(robot.twin for robot in self.remote.values())
             carry_stops(loaded, folder, self.process, self.remote)
-            self.process.moves_elsewhere = self._moves
+            self.process.holders.moves_elsewhere = self._moves
             self.cloud_claims = CloudClaims(
                 {robot.twin: robot for robot in self.robots()},
-                hold=self.process.held_in_the_cloud,
+                hold=self.process.holders.hold_in_the_cloud,
                 tell=partial(self.bus.control.put, keys.holders(config.edge.id)),
             )
             self._workers = Workers(loaded, directory, self.process, self.remote)
@@ -137,7 +137,7 @@ class Edge:
                 self.missions.workflows.publish = self.bridge.voice.status
             self._presence = CloudPresence(self.bridge, self.process.supervised) if self.bridge else None
             if self._presence is not None:
-                self.process.on_holder = self._presence.hold
+                self.process.holders.changed = self._presence.hold
             self.metrics, self._metrics_port = self._make_metrics()
             undo.pop_all()
         self._groups = {name: list(robots) for name, robots in config.members.items()}
@@ -299,6 +299,7 @@ class Edge:
             pair=self._pair.role,
             epoch=self._pair.epoch,
             pair_file=self._pair.file,
+            problems=[each.cause for each in services[1:] if each.cause],
         )
 
     def services(self) -> list[Health]:

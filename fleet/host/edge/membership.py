@@ -33,11 +33,12 @@ from fleet.host.robot.rest import moving, not_resting
 from fleet.host.safety.admission import LEAVE
 from fleet.host.workers.remote_robot import RemoteRobot
 from fleet.host.workers.worker_task import Importer, robot_tasks
+from fleet.missions.observed import SHOWN_WITHIN
 from fleet.model.command import Transport
 
 log = logging.getLogger(__name__)
 
-LEAVES_WITHIN = 5.0  # s for the runs of missions to let go of a robot
+LEAVES_WITHIN = SHOWN_WITHIN + 3.0  # s for runs to let go of a robot; one it has just joined waits so long
 
 
 class Followers:
@@ -169,7 +170,7 @@ class Membership:
         trouble = await self.leaves_runs(robot) or await ended(self._process, robot)
         if trouble:  # it is not run again: two adapters would move one robot
             return trouble
-        if robot.controller.may_be_moving:
+        if robot.controller.motion.may_be_moving:
             self._process.runs.resume(robot)
             return moving(robot)
         self._let_go(robot)
@@ -207,7 +208,7 @@ class Membership:
     def _let_go(self, robot: LocalRobot) -> None:
         """Forget a robot everywhere; its stop is kept by its name, which its twin leads to."""
         self._taken_out[robot.twin] = robot.name
-        drop, give_up = partial(self._process.drop, robot), partial(self._process.give_up, robot.twin)
+        drop, give_up = partial(self._process.drop, robot), partial(self._process.holders.give_up, robot.twin)
         let_go(robot.name, partial(self._followers.leave, robot), drop, give_up)
 
     def _let_go_elsewhere(self, robot: RemoteRobot) -> None:

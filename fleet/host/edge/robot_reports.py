@@ -14,8 +14,6 @@ from fleet.wire.published import object_in
 from fleet.wire.strict import text
 from fleet.wire.topics import data_key
 
-CHANNELS = (EventReport.channel, NavigationReport.channel, PhotoReport.channel)
-
 
 class RobotReports:
     """Events that programs publish, and what the robots of workers report of their goals and pictures.
@@ -31,10 +29,12 @@ class RobotReports:
         pictures: Callable[[str], Callable[[bytes], None]],
     ) -> None:
         self._event, self._goal, self._pictures = event, goal, pictures
-        self._calls: dict[str, dict[str, Callable[[bytes], None]]] = {channel: {} for channel in CHANNELS}
+        self._calls: dict[str, dict[str, Callable[[bytes], None]]] = {}
+        self._session: ZenohSession | None = None
 
     def listen(self, reports: ZenohSession) -> None:
-        """Begin to take what is reported, of robots that join later too."""
+        """Subscribe to the channels of all robots, including those that join later."""
+        self._session = reports
         for channel, calls in self._calls.items():
             reports.subscribe_many(f"cw/*/data/{channel}", calls)
 
@@ -52,8 +52,16 @@ class RobotReports:
             calls.pop(data_key(twin, channel), None)
 
     def _take(self, twin: str, channel: str, call: Callable[[bytes], None]) -> None:
-        """Have a channel of a twin taken."""
-        self._calls[channel][data_key(twin, channel)] = call
+        """Call ``call`` with the reports of one channel of a twin.
+
+        A channel is subscribed to when the first robot needs it: each sample of a subscription interrupts the
+        event loop once, 14 us at 10,000 samples/s, and most edges have no robots in workers.
+        """
+        known = channel in self._calls
+        calls = self._calls.setdefault(channel, {})
+        calls[data_key(twin, channel)] = call
+        if self._session is not None and not known:
+            self._session.subscribe_many(f"cw/*/data/{channel}", calls)
 
     def _published(self, robot: str, sample: bytes) -> None:
         """Take an event that a program publishes."""

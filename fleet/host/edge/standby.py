@@ -87,7 +87,7 @@ class Standby:
         self._barred = True
         self._why = ""  # why no robot is run here
         self._holders: dict[str, str] = {}  # of twins, by their claims
-        self._show_holder, process.on_holder = process.on_holder, self._on_holder
+        self._show_holder, process.holders.changed = process.holders.changed, self._on_holder
         process.claims.pair = frozenset(config.pair)
 
     @property

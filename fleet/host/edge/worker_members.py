@@ -67,7 +67,7 @@ class WorkerMembership:
         """Let go of a robot that no worker runs any more."""
         self._remote.remove(robot)
         self._process.outbox.drop(robot.twin)
-        self._process.give_up(robot.twin)
+        self._process.holders.give_up(robot.twin)
         if self._process.traffic is not None:
             self._process.traffic.leave(robot.name)
 

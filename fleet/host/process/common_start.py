@@ -168,7 +168,7 @@ class CommonStarts:
             if (reply.done is not None or not reply.ok) and not ended.done():
                 ended.set_result(reply)
 
-        robot.begin(Command(READY, origin=ask.origin), Receipt(READY, told, waits=True))
+        robot.requests.begin(Command(READY, origin=ask.origin), Receipt(READY, told, waits=True))
         try:
             reply = await asyncio.wait_for(ended, READY_WITHIN)
         except TimeoutError:
@@ -220,7 +220,7 @@ class CommonStarts:
                 continue
             # It is as old as its start: that is what was agreed upon.
             stamp = None if one.ask.stamp is None else one.stamp
-            one.robot.begin(msgspec.structs.replace(one.ask, stamp=stamp), one.receipt)
+            one.robot.requests.begin(msgspec.structs.replace(one.ask, stamp=stamp), one.receipt)
 
     # -- what ends it ----------------------------------------------------------------------------------
 
@@ -282,7 +282,7 @@ def _read(robot: LocalRobot, question: Query) -> Command | Navigate:
     if kind not in KINDS:
         raise WireError(f"{kind[:40]!a} is nothing that is started together; one of {', '.join(KINDS)}")
     way = Transport.CLOUD if question.parameters.get("way") == "cloud" else Transport.BUS
-    ask: Ask | None = robot.ask_of(
+    ask: Ask | None = robot.requests.ask_of(
         cast("Kind", kind), question.payload, way=way, request_id=question.parameters.get("id", "")
     )
     if ask is None or isinstance(ask, Setpoint | JointSetpoint) or ask.name in STOP_WORDS:

@@ -40,7 +40,7 @@ class ConsoleRequests:
             return None
         ask: Ask | None = None
         try:
-            ask = robot.ask_of(kind, question.payload, way=way, request_id="")
+            ask = robot.requests.ask_of(kind, question.payload, way=way, request_id="")
             if ask is None or is_stop(ask):
                 return None
             why = console_refusal(question, _needed(ask))

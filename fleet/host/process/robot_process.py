@@ -7,7 +7,7 @@ import contextlib
 import contextvars
 import logging
 import os
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable
 from functools import partial
 from typing import Any
 
@@ -23,7 +23,7 @@ from fleet.host.process.frame_publisher import FramePublisher
 from fleet.host.process.robot_endpoints import RobotEndpoints
 from fleet.host.process.robot_runs import RobotRuns
 from fleet.host.process.setpoints import Setpoints
-from fleet.host.process.twin_claims import TwinClaims
+from fleet.host.process.twin_holders import TwinHolders
 from fleet.host.process.video_relay import relay_video
 from fleet.host.requests.stop_cause import StopCause, local_cause
 from fleet.host.robot.local_robot import LocalRobot
@@ -37,7 +37,6 @@ from fleet.host.runtime.tick_scheduler import TickScheduler
 from fleet.host.runtime.watchdog import LoopWatch, Watchdog
 from fleet.link.tap import OPENING
 from fleet.robot_config import MAIN
-from fleet.runtime.decoding import decode_json
 from fleet.runtime.interpreter import freeze_new_objects, interpreter_settings
 from fleet.supervisor.client import SupervisorClient
 from fleet.supervisor.protocol import StopRequest
@@ -98,7 +97,7 @@ class RobotProcess:
         self._thread = LoopMonitor(self.loop)
         self.starvation = CpuStarvation(clock.monotonic(), self._thread.waited())
         self._shared = SharedResources()
-        self.runs = RobotRuns(self._look_at_claim)
+        self.runs = RobotRuns(lambda robot: self.holders.look(robot))  # noqa: PLW0108 - they are made below
         self._served: dict[str, contextlib.ExitStack] = {}  # what ends the service of each robot
         self.services: list[Callable[[LocalRobot], Callable[[], None]]] = []
         self._setpoints = Setpoints(bus.reports, self.loop)
@@ -123,18 +122,8 @@ class RobotProcess:
                 robot.share_space(traffic)
             exchange(traffic, worker or MAIN, bus.control, self.scheduler)
         self._endpoints = RobotEndpoints(edge, bus, clock)
-        self.claims = TwinClaims(
-            edge,
-            [robot.twin for robot in self.robots.values()],
-            bus.control,
-            settle=settle,
-            changed=self.held_on_the_bus,
-            moves=self._moves,
-            clock=clock,
-        )
-        self.moves_elsewhere: Callable[[str], bool] = lambda _twin: False  # of robots in workers
-        self._holders: dict[str, dict[str, str]] = {}
-        self.on_holder: Callable[[str, str], None] = lambda _twin, _holder: None
+        self.holders = TwinHolders(edge, bus.control, self.robots, self.runs, settle=settle, clock=clock)
+        self.claims = self.holders.claims
         self.on_stop: Callable[[tuple[str, ...], StopCause], None] = lambda _names, _cause: None
         # Called before the robots are looked up; it must neither wait nor raise.
         self.stop_asked: Callable[[tuple[str, ...], StopCause], None] = lambda _names, _cause: None
@@ -212,58 +201,6 @@ class RobotProcess:
             if self.traffic is not None:
                 self.traffic.leave(robot.name)
 
-    def give_up(self, twin: str) -> None:
-        """Claim a twin no more that no robot has."""
-        self.claims.give_up(twin)
-        self._holders.pop(twin, None)
-
-    def _moves(self, twin: str) -> bool:
-        """Return True while the robot of a twin moves because of us."""
-        here = any(robot.controller.in_motion for robot in self.robots.values() if robot.twin == twin)
-        return here or self.moves_elsewhere(twin)
-
-    def held_on_the_bus(self, twin: str, holder: str) -> None:
-        """Take note of who has a twin by the tokens on the bus."""
-        self._held(twin, "bus", holder)
-
-    def held_in_the_cloud(self, twin: str, holder: str) -> None:
-        """Take note of who has a twin by the heartbeats in the cloud."""
-        self._held(twin, "cloud", holder)
-
-    def others_have(self, payload: bytes) -> None:
-        """Take the edge's word of who has which twins in the cloud; in a worker, on the bus's thread."""
-        try:
-            holders = decode_json(payload, dict[str, str])
-        except msgspec.DecodeError as error:
-            log.warning("who has our twins cannot be read: %s", error)
-            return
-        self.loop.call_soon_threadsafe(self._others_have, holders)
-
-    def _others_have(self, holders: Mapping[str, str]) -> None:
-        """Take note of what is new; what nothing proves takes no robot that was moved meanwhile."""
-        for robot in self.robots.values():
-            holder = holders.get(robot.twin, "")
-            known = self._holders.get(robot.twin, {}).get("cloud", "")
-            if holder != known and not (holder and robot.in_use):
-                self.held_in_the_cloud(robot.twin, holder)
-
-    def _held(self, twin: str, where: str, holder: str) -> None:
-        """Run the robot of a twin that is ours; let go of one that another edge has."""
-        holders = self._holders.setdefault(twin, {})
-        holders[where] = holder
-        first = next(filter(None, holders.values()), "")
-        self.on_holder(twin, first)
-        for robot in self.robots.values():
-            if robot.twin == twin and not first:
-                self.runs.run(robot)
-            elif robot.twin == twin:
-                self.runs.keep_out(robot, f"edge {first} has its twin; one of the two must leave it out")
-
-    def _look_at_claim(self, robot: LocalRobot) -> None:
-        """Run a robot, or keep it out, by who is known to have its twin."""
-        for where, holder in list(self._holders.get(robot.twin, {}).items())[:1]:
-            self._held(robot.twin, where, holder)
-
     async def stop(self) -> None:
         """Bring every robot that we were moving to a standstill, then let go of them."""
         self.runs.ending = True
@@ -300,7 +237,7 @@ class RobotProcess:
         run_in_turn((partial(robot.controller.halt, emergency=True) for robot in stopped), wait=HALT_WAIT)
         run_in_turn((robot.controller.latch.record for robot in stopped), wait=HALT_WAIT)
         for robot in stopped:
-            robot.follow_emergency(cause)
+            robot.requests.follow_emergency(cause)
         self.on_stop(names, cause)
         return [robot.name for robot in stopped]
 

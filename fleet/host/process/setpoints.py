@@ -77,7 +77,7 @@ def taker(robot: LocalRobot, kind: Kind, loop: asyncio.AbstractEventLoop) -> Cal
     def arrived(payload: bytes) -> None:
         take = robot.read(kind, payload, way=Transport.BUS)
         if take is not None:
-            loop.call_soon_threadsafe(take, robot.tell_refused)
+            loop.call_soon_threadsafe(take, robot.requests.log_refusal)
 
     return arrived
 
@@ -101,7 +101,7 @@ def _followed(
             report = decode_report(_LEADER, payload)
         except WireError as error:
             refusal = Reply(JOINT_TARGETS, ReplyStatus.REJECTED, f"its leader cannot be read: {error}")
-            loop.call_soon_threadsafe(robot.tell_refused, refusal)
+            loop.call_soon_threadsafe(robot.requests.log_refusal, refusal)
             return
         if isinstance(report, JointReport):
             loop.call_soon_threadsafe(robot.follow, report)

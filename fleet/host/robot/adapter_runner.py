@@ -219,13 +219,14 @@ class AdapterRunner:
             await self._leaving.wait()
             return
         self._leaving = asyncio.Event()
-        in_control = self.controller.in_control
+        motion = self.controller.motion
+        in_control = motion.in_control
         self.controller.lost(why)
         if in_control:
             self.controller.halt()
             with contextlib.suppress(Exception):  # the run is over; what matters was the halt
-                await self.controller.hold(why)
-                self.controller.may_be_moving &= not open_still
+                await motion.hold(why)
+                motion.may_be_moving &= not open_still
         self._leaving.set()
 
     async def _outlive(self) -> None:

@@ -12,23 +12,19 @@ import msgspec
 
 from fleet.clock import Clock
 from fleet.commands import CommandSpec
-from fleet.errors import WireError
 from fleet.host.journal.journal import RobotJournal
-from fleet.host.requests.decode import Ask, RequestDecoder, is_discrete, is_stop, max_wait, reply_with_flaw
-from fleet.host.requests.event_reporter import request_of, requester_of, robot_log, with_proof
+from fleet.host.requests.event_reporter import robot_log
 from fleet.host.requests.history_recorder import HistoryRecorder, never_raises
-from fleet.host.requests.receipt import Receipt
-from fleet.host.requests.stop_cause import StopCause
 from fleet.host.requests.unrequested_events import UnrequestedEvents
 from fleet.host.robot.adapter_factory import AdapterClass, capabilities, configured, create_adapter
 from fleet.host.robot.adapter_runner import AdapterRunner
 from fleet.host.robot.command_descriptions import description
 from fleet.host.robot.controller import RobotController
-from fleet.host.robot.distance_moves import goal_of
 from fleet.host.robot.dry_run import would_refuse
 from fleet.host.robot.joint_control import STEP
 from fleet.host.robot.keeper import keeper_of
 from fleet.host.robot.report_queue import ReportQueue
+from fleet.host.robot.request_intake import RequestIntake
 from fleet.host.robot.robot_handle import RobotHandle
 from fleet.host.robot.robot_positions import RobotPositions
 from fleet.host.robot.separation_keeper import LOOK
@@ -38,19 +34,16 @@ from fleet.host.runtime.shared_resources import SharedResources
 from fleet.host.runtime.tick_scheduler import TickScheduler
 from fleet.host.runtime.watchdog import Watchdog, Watched
 from fleet.link.backoff import backoff
-from fleet.model.command import Answer, Command, Origin, Reply, Request, Transport
+from fleet.model.command import Request, Transport
 from fleet.model.description import RobotDescription
 from fleet.model.event import EventReport
 from fleet.model.health import Health, Level
-from fleet.model.navigation import ActionState
 from fleet.model.report import JointReport, MetricsReport, NavigationReport, Report, TelemetryReport
 from fleet.model.state import RobotState
 from fleet.robot_config import AdapterConfig
 from fleet.runtime.event_loop import OWNER
-from fleet.runtime.rate_limited_counter import RateLimitedCounter
 from fleet.supervisor.client import SupervisorClient
 from fleet.wire.rules import Kind
-from fleet.wire.stops import EMERGENCY
 
 
 class LocalRobot:
@@ -88,13 +81,11 @@ class LocalRobot:
         self._loop = asyncio.get_running_loop()
         self._context = contextvars.copy_context()
         self._context.run(OWNER.set, config.name)
-        self._online = self.in_use = False  # in_use: moved through this edge, which has kept it since
+        self._online = False
         self._adapter, self._log = adapter, robot_log(config.name)
-        self._refusals = RateLimitedCounter(self._log, clock)
         self._record = never_raises(record)  # into the edge's history
         self._recorder = HistoryRecorder(self.publish, clock)
-        self.plugin, self._can = plugin, configured(capabilities(plugin), config)
-        can = self._can
+        self.plugin, can = plugin, configured(capabilities(plugin), config)
         self.controller = RobotController(
             config,
             can,
@@ -105,13 +96,18 @@ class LocalRobot:
             clock=clock,
         )
         self.happenings = UnrequestedEvents(self.controller.event_reporter)
-        self._decoder = RequestDecoder(
+        self.requests = RequestIntake(
             config,
-            self.controller.speeds.of,
-            planar=can.limits.vertical_speed is None,
+            self.controller,
+            clock=clock,
+            publish=self.publish,
+            changed=changed,
+            recorder=self._recorder,
+            arrival=arrival,
             home_altitude=lambda: self._seen.home_altitude,
+            context=self._context,
         )
-        self._changed, self._arrival = changed, arrival  # since when (monotonic s) a message may have waited
+        self._changed = changed
         self._limits = config.limits.over(can.limits)
         self._kept: tuple[dict[str, Any], BlockingCalls] = {}, BlockingCalls(config.name)  # over attempts
         self.runner = AdapterRunner(
@@ -127,8 +123,9 @@ class LocalRobot:
     def configure(self, config: AdapterConfig) -> None:
         """Take over another configuration of the same robot: its host at once, its adapter when it begins."""
         can = configured(capabilities(self.plugin), config)
-        self._can = self.controller.can = msgspec.structs.replace(can, lacking=self._can.lacking)
-        self.config, self._limits = config, config.limits.over(self._can.limits)
+        can = msgspec.structs.replace(can, lacking=self.controller.can.lacking)
+        self.controller.can, self.config, self._limits = can, config, config.limits.over(can.limits)
+        self.requests.configure(config)
         for part in self.controller.configured:
             part.configure(config, self._limits)
 
@@ -157,87 +154,19 @@ class LocalRobot:
         unread: str = "",
         proven: bool = False,
     ) -> Request | None:
-        """Read a message, from any thread; an emergency stop halts and latches there and then.
-
-        What is returned takes the message, on the loop: it stops, obeys, answers and records. The answers
-        are the receipt, and the end when the asker waits. None for a reply, which asks nothing. What waits
-        too long for a loop that is held up is refused. ``unread``: why the payload must not be read;
-        ``proven``: the sender's name is known to be true.
-        """
-        arrived = self._arrival()
-        try:
-            ask = self.ask_of(kind, payload, way=way, request_id=request_id, unread=unread)
-        except WireError as error:
-            name, action_id = getattr(error, "command", "") or kind, getattr(error, "action_id", "")
-            return Request(partial(self._refuse, kind, way, name, action_id, str(error)))
-        if ask is None:
-            return None
-        ask = with_proof(ask) if proven else ask
-        if ask.name == EMERGENCY:
-            self._stop_at_once(ask.origin, request_of(ask))
-        return Request(partial(self._take, kind, ask, waits, arrived), is_stop(ask), is_discrete(ask))
-
-    def ask_of(
-        self, kind: Kind, payload: bytes, *, way: Transport, request_id: str, unread: str = ""
-    ) -> Ask | None:
-        """Return what a message asks of the robot, None for a reply; raises WireError."""
-        ask = self._decoder.decode(kind, payload, way=way, request_id=request_id, unread=unread)
-        return goal_of(ask, self._can, self.controller.speeds.of)
+        """Read a message, from any thread; what is returned takes it, on the loop."""
+        return self.requests.read(
+            kind, payload, way=way, request_id=request_id, waits=waits, unread=unread, proven=proven
+        )
 
     def spec_of(self, command: str) -> CommandSpec | None:
         """Return what the adapter declares of a command, None for one that it does not have."""
-        return self._can.command(command)
+        return self.controller.can.command(command)
 
-    def begin(self, ask: Ask, receipt: Receipt) -> None:
-        """Bring an ask to the robot's controller, and record it; on the loop."""
-        self._recorder.asked(ask, receipt)
-        self._context.run(self.controller.receive, ask, receipt)
-        self.in_use = self.in_use or self.controller.in_control
-
-    def _take(self, kind: Kind, ask: Ask, waits: bool, arrived: float, answer: Answer) -> None:  # noqa: FBT001 - by position
-        """Bring a request to the controller, unless it is late; no stamp: as old as its arrival."""
-        if isinstance(ask, Command) and ask.flaw:
-            self._refusals.add("flawed", "took a message that was refused for %s: %s", ask.name, ask.flaw)
-            answer = reply_with_flaw(answer, ask.flaw)
-        receipt = Receipt(ask.name, answer, waits=waits)
-        waited = self.clock.monotonic() - arrived
-        if waited <= max_wait(ask, self.config):
-            self.begin(ask, receipt)
-            return
-        self._recorder.asked(ask, receipt)
-        why = f"it waited up to {waited:.1f} s: the edge was held up"
-        self._refusals.add("late", "refused %s: %s", ask.name, why)
-        receipt.reject(why)
-        self._tell_failed(kind, getattr(ask, "action_id", ""), why)
-
-    def tell_refused(self, reply: Reply) -> None:
-        """Say that a setpoint was refused which was published on the bus: nobody waits for its answer."""
-        if not reply.ok:
-            self._refusals.add("setpoint", "refused a setpoint of the bus: %s", reply.reason)
-
-    def _refuse(  # noqa: PLR0917 - by position
-        self, kind: Kind, way: Transport, name: str, action_id: str, why: str, answer: Answer
-    ) -> None:
-        """Refuse a message that cannot be read; of the error nothing is kept that holds the message."""
-        self._refusals.add(kind, "refused a %s message: %s", kind, why)
-        receipt = Receipt(name, answer)
-        self._recorder.unread(kind, Origin(way), receipt)
-        receipt.reject(why)
-        self._tell_failed(kind, action_id, why)
-
-    def _stop_at_once(self, origin: Origin, request: str) -> None:
-        """Latch and halt, on whatever thread; when that fails, the loop still stops the orderly way."""
-        try:
-            self.controller.emergency(StopCause(requester_of(origin)).why)
-        except Exception:  # noqa: BLE001 - told below
-            self._log.exception("the emergency stop did not go through at once")
-        self._recorder.emergency(origin, request)
-
-    def _tell_failed(self, kind: Kind, action_id: str, why: str) -> None:
-        """Say that a goal or a mission that could not be read has failed, by its id where it had one."""
-        if kind in ("navigate", "mission"):
-            step = 0 if kind == "mission" else None
-            self.publish(NavigationReport(self.clock.time(), action_id, ActionState.FAILED, 0.0, why, step))
+    @property
+    def in_use(self) -> bool:
+        """True once the robot was moved through this edge, until another edge has it."""
+        return self.requests.in_use
 
     def start(self) -> asyncio.Task[None]:
         """Begin to serve the robot."""
@@ -246,13 +175,8 @@ class LocalRobot:
 
     def stand_by(self, why: str) -> None:
         """Note that the robot is not run, and why: another edge has it."""
-        self.in_use = False
+        self.requests.in_use = False
         self.runner.stand_by(why)
-
-    def follow_emergency(self, cause: StopCause) -> None:
-        """Have the loop follow an emergency stop with the adapter's own stop; from any thread."""
-        self._loop.call_soon_threadsafe(self._follow_emergency, cause)
-        self._recorder.stopped(cause)
 
     def be_watched(self, watchdog: Watchdog) -> None:
         """Have the watchdog end a velocity, and what leads the joints, when their lease has run out."""
@@ -262,7 +186,7 @@ class LocalRobot:
 
         watchdog.add(self.name, Watched(self.controller.deadman, self.controller.halt, expired))
         joints = self.controller.joints
-        if self._can.moves_joints:
+        if self.controller.can.moves_joints:
             watchdog.add(f"{self.name} joints", Watched(joints.deadman, joints.hold, self._joints_expired))
             self._scheduler.every(STEP, joints.step, owner=self.name, failed=self.runner.crashed)
 
@@ -270,7 +194,7 @@ class LocalRobot:
         """Take where the leader's joints are; on the loop. They ask nothing before ``follow_leader``."""
         ask = self.controller.joints.following(report)
         if ask is not None:
-            self._take("joints", ask, False, self.clock.monotonic(), self.tell_refused)
+            self.requests.take("joints", ask, False, self.clock.monotonic(), self.requests.log_refusal)
 
     def publish(self, report: Report) -> None:
         """Send a report on its way; what happened goes into the edge's history too."""
@@ -337,7 +261,7 @@ class LocalRobot:
         return description(
             self.name,
             self._adapter,
-            self._can.on(self._seen.autopilot, self._seen.vehicle),
+            self.controller.can.on(self._seen.autopilot, self._seen.vehicle),
             own=self.controller.own,
             limits=self._limits,
             fence=self.controller.guard.fencing.fence,
@@ -363,7 +287,7 @@ class LocalRobot:
             healthy=runner.healthy,
             lost_authority=self.controller.authority_lost,
             latched=lambda: self.controller.latched,
-            lacking=self._can.lacking,
+            lacking=self.controller.can.lacking,
             circled=self.controller.guard.circles,
             failed=runner.crashed,
             supervised=self._supervised,
@@ -377,16 +301,7 @@ class LocalRobot:
     def _lease_ran_out(self) -> None:
         """Follow the watchdog's halt."""
         self._recorder.lease_ran_out()
-        self.controller.lease_ran_out()
-
-    def _follow_emergency(self, cause: StopCause) -> None:
-        """Let the adapter bring the robot to its own standstill."""
-        asker = cause.asker
-        ask = Command(EMERGENCY, origin=Origin(asker.way, session=asker.name or cause.why), id=cause.request)
-        receipt = Receipt(EMERGENCY, lambda _: None)
-        self._recorder.followed(cause, receipt)
-        self.controller.receive(ask, receipt)
-        self._changed(self.name)
+        self.controller.motion.lease_ran_out()
 
     def _health_changed(self) -> None:
         """Say on the telemetry channel when the robot comes and goes, in the order of the SDK."""

@@ -12,7 +12,7 @@ def moving(robot: LocalRobot) -> str:
     controller, state = robot.controller, robot.state()
     if controller.in_motion:
         return f"{state.name} is commanded ({controller.activity or 'moving'}); stop it first"
-    if controller.may_be_moving:
+    if controller.motion.may_be_moving:
         return f"{state.name} was lost in motion and may still move"
     if state.armed:
         return f"{state.name} is armed; disarm it first"

@@ -11,27 +11,9 @@ from fleet.host.requests.event_reporter import robot_log
 from fleet.host.requests.receipt import Receipt
 from fleet.host.runtime.blocking_calls import STOPPING
 from fleet.host.runtime.cancellation import wait_bounded
-from fleet.runtime.exception_barrier import call_guarded, guarded
+from fleet.runtime.exception_barrier import guarded
 
 STOP_TIMEOUT = 5.0  # s; the longest an adapter may take to bring its robot to a standstill
-
-
-def write_halt(adapter: Adapter[Any] | None, name: str, *, emergency: bool) -> None:
-    """Have an adapter write its halt at once; from any thread; never raises."""
-    try:
-        if adapter is not None:
-            call_guarded(adapter.emergency_halt if emergency else adapter.halt)
-    except Exception:  # noqa: BLE001 - told
-        robot_log(name).exception("its halt failed")
-
-
-def what_was_written(adapter: Adapter[Any] | None, *, heard: bool) -> str:
-    """Say what became of the halt of a robot that does not answer; ``heard``: since its adapter began."""
-    if adapter is None:
-        return "the stop was not written: no link to it is open"
-    if not heard:
-        return "the stop may not have been written: it has not been heard since its adapter began"
-    return "the stop was written, nobody answers"
 
 
 async def stand_still(adapter: Adapter[Any], why: str, *, name: str, halt: Callable[[], None]) -> None:

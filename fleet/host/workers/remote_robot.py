@@ -104,6 +104,11 @@ class RemoteRobot:
         return self._state.in_use
 
     @property
+    def silent(self) -> bool:
+        """True while its worker says nothing."""
+        return self._clock.monotonic() - self._heard > SILENT_AFTER
+
+    @property
     def unheard(self) -> str:
         """Why it is to be stopped, while its worker has not told that it is; else empty."""
         return self._unheard.why if self._unheard is not None else ""
@@ -243,7 +248,7 @@ class RemoteRobot:
         now, age = self._clock.monotonic(), self._state.age
         age = None if age is None else round(age + now - self._told, 2)
         said = msgspec.structs.replace(self._state, emergency_stop=stopped, age=age)
-        if now - self._heard <= SILENT_AFTER:
+        if not self.silent:
             return said
         return msgspec.structs.replace(
             said,

@@ -64,6 +64,8 @@ class WorkerChanges:
 
     async def _ask_to_hold(self, worker: str, asked: HoldAsked) -> dict[str, HeldRobot] | None:
         """Ask a worker; return what it holds its robots to, None when it is silent."""
+        if self._is_silent(worker):
+            return None
         loop = asyncio.get_running_loop()
         heard: asyncio.Future[dict[str, HeldRobot] | None] = loop.create_future()
 
@@ -101,6 +103,8 @@ class WorkerChanges:
         if manager is None:
             why = f"worker {worker} was started by hand: end it, and start it with the new file"
             return Outcome.REFUSED, why
+        if self._is_silent(worker):
+            return Outcome.REFUSED, _silent(worker)
         answered = [robot for robot in self._of(worker) if robot.state().reachable and robot.name != gone]
         new = msgspec.json.encode(task_of(after, worker))
         old, started = manager.replace(new), manager.started
@@ -134,6 +138,11 @@ class WorkerChanges:
     def _of(self, worker: str) -> list[RemoteRobot]:
         """Return the robots of a worker."""
         return [robot for robot in self._robots.values() if robot.worker == worker]
+
+    def _is_silent(self, worker: str) -> bool:
+        """Return whether nothing is heard of a worker: to ask it would take as long as the longest answer."""
+        robots = self._of(worker)
+        return bool(robots) and all(robot.silent for robot in robots)
 
     async def start_again(self, worker: str, adapter: str = "", *, force: bool) -> str:
         """Have a worker end, to be started again; return why it does not.

@@ -76,7 +76,7 @@ async def run(task: WorkerTask, directory: Path, parent: int | None) -> int:
     take_starts(process)
     process.follow_supervisor(stop, ended)
     bus.control.subscribe(keys.halt(edge, name), lambda _key, _payload: process.halt_robots())
-    bus.control.subscribe(keys.holders(edge), lambda _key, payload: process.others_have(payload))
+    bus.control.subscribe(keys.holders(edge), lambda _key, payload: process.holders.read(payload))
     if task.held:
         latches = {robot: process.robots[robot].controller.latch for robot in task.held}
         held = HeldByEdge(latches, ended=partial(_end_motion, process), clock=clock)

@@ -93,6 +93,7 @@ class Sky(Operator):
         self.setpoints = []  # (time, SET_POSITION_TARGET_LOCAL_NED)
         self.order = []  # the command, or 0 for a setpoint, of all that was heard
         self.radio = True
+        self.mute = False  # it hears, and is not heard
         self.deaf_to = set()  # kinds of messages that do not arrive
         self.ignored = []
         basics = {
@@ -139,12 +140,12 @@ class Sky(Operator):
                 self.ignored.append(message)
                 return b""
         frames = self.wire.receive(data, self.now) if self.radio else []
-        return b"".join(frames)
+        return b"" if self.mute else b"".join(frames)
 
     async def _turn(self):
         while True:
             frames = self.wire.step(self.now)
-            if frames and self.radio:
+            if frames and self.radio and not self.mute:
                 self._peer.say(b"".join(frames))
             await asyncio.sleep(0.02)
 

@@ -65,6 +65,39 @@ def test_the_autopilots_own_words_stand_beside_its_checks(fly, sky, flavour):
     fly(main())
 
 
+@pytest.mark.parametrize("vehicle", ["plane", "rover", "multirotor"])
+def test_what_ardupilot_says_counts_before_its_bit_shows_it(fly, sky, vehicle):
+    async def main():
+        async with sky("ardupilot", vehicle=vehicle) as it:
+            await it.met()
+            await it.until(lambda: it.state.prearm_ok and it.state.fix)
+            it.sim.set_fault("log_fails", 1.0)
+            answer = await it.do("check_ready")
+            (own,) = (each for each in answer["checks"] if each["check"] == "autopilot's own checks")
+            assert own["words"] == ["PreArm: Logging failed"]
+            assert not answer["ready"]
+
+    fly(main())
+
+
+def test_an_arming_that_was_refused_just_now_is_told_whatever_the_checks_find(fly, sky):
+    async def main():
+        async with sky("ardupilot", vehicle="plane") as it:
+            await it.met()
+            await it.until(lambda: it.state.prearm_ok and it.state.fix)
+            it.sim.set_fault("log_fails", 1.0)
+            with pytest.raises(Refused, match="Arm: Logging failed"):
+                await it.do("arm")
+            it.sim.set_fault("log_fails", None)
+            await asyncio.sleep(2.0)
+            answer = await it.do("check_ready")
+            assert failed(answer) == {"autopilot's own checks"}
+            await asyncio.sleep(10.0)
+            assert (await it.do("check_ready"))["ready"]
+
+    fly(main())
+
+
 def test_what_is_armed_is_not_asked(fly, sky):
     async def main():
         async with sky("px4") as it:

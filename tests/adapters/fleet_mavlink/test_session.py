@@ -202,3 +202,29 @@ def test_a_vehicle_that_was_lost_on_its_way_flies_on_until_the_hosts_stop_when_i
             assert it.robot.losses == []
 
     fly(main())
+
+
+@pytest.mark.parametrize("vehicle", ["multirotor", "plane", "rover"])
+def test_an_emergency_stop_is_written_to_a_vehicle_that_is_not_heard(fly, sky, vehicle):
+    async def main():
+        async with sky("ardupilot", vehicle=vehicle, limits={"speed": 30.0, "distance": 5000.0}) as it:
+            await it.met()
+            if vehicle == "rover":
+                await it.do("arm")
+            else:
+                await it.until(lambda: vehicle != "plane" or "TKOFF_ALT" in it.state.settings)
+                await it.do("takeoff", altitude=40.0)
+            going = asyncio.ensure_future(
+                anext(aiter(it.adapter.navigate(GoTo(Goal(Vector3(2000.0, 0.0, 40.0))))))
+            )
+            await it.until(lambda: it.mode == "GUIDED" and it.speed > 1.0)
+            it.mute = True
+            await asyncio.sleep(4.0)
+            it.adapter.halt()
+            await asyncio.sleep(0.5)
+            assert it.mode == "GUIDED", "unasked, what is silent is left to its own fail-safe"
+            it.adapter.emergency_halt()
+            await it.until(lambda: it.mode in {"BRAKE", "LOITER", "HOLD"}, within=1.0)
+            going.cancel()
+
+    fly(main())

@@ -140,6 +140,26 @@ def test_the_first_stop_after_a_reconnect_leaves_a_hovering_vtol_hovering(fly, s
     fly(main())
 
 
+def test_an_emergency_stop_of_a_quadplane_that_is_not_heard_does_not_fly_it_back(fly, sky):
+    async def main():
+        async with sky("ardupilot", vehicle="vtol", limits={"speed": 30.0}) as it:
+            await hovering(it)
+            task = GoTo(Goal(position=Vector3(0.0, 120.0, HEIGHT)))
+            going = asyncio.ensure_future(anext(aiter(it.adapter.navigate(task))))
+            await it.until(lambda: it.speed > 4.0)
+            it.mute = True
+            await asyncio.sleep(8.0)
+            north, _, _ = it.place
+            await asyncio.to_thread(it.adapter.emergency_halt)
+            for _ in range(300):
+                assert it.place[0] > north - 1.0, "it flies back to where it was heard last"
+                await asyncio.sleep(0.05)
+            assert it.speed < 0.5
+            going.cancel()
+
+    fly(main())
+
+
 def test_a_silence_makes_unknown_how_a_vtol_flies(fly, sky):
     async def main():
         async with sky("ardupilot", vehicle="vtol", limits={"speed": 30.0}) as it:

@@ -224,6 +224,29 @@ def test_a_stop_is_everybodys(fly, sky, flavour):
     fly(main())
 
 
+@pytest.mark.parametrize("flies", ["what the station sent it to", "home"])
+def test_a_pause_that_a_plane_does_not_take_stops_it_whoever_moves_it(fly, sky, flies):
+    async def main():
+        limits = {"speed": 30.0, "distance": 5000.0}
+        async with watched(sky, vehicle="plane", watchers=OPERATE, limits=limits) as (it, station):
+            await it.until(lambda: "TKOFF_ALT" in it.state.settings)
+            await it.do("takeoff", altitude=40.0)
+            if flies == "home":
+                assert await station.asks(20) == mav.MAV_RESULT_ACCEPTED
+            else:
+                place = (int((it.state.position.latitude + 0.03) * 1e7), 85455940, 540.0)
+                nothing = float("nan")
+                station.says(mav.MAVLink_command_int_message(1, 1, 0, 192, 0, 0, -1, 1, 0, nothing, *place))
+            await it.until(lambda: it.robot.losses)
+            await asyncio.sleep(5.0)
+            assert it.mode in {"GUIDED", "RTL"}
+            station.says(long(193, 0.0))
+            await it.until(lambda: it.mode == "LOITER", within=2.0)
+            assert len(it.robot.losses) == 1
+
+    fly(main())
+
+
 @both
 def test_an_operator_takes_the_vehicle_over_as_a_pilot_does(fly, sky, flavour):
     async def main():

@@ -99,7 +99,7 @@ class Bench:
         self.robot.advance(TICK)
         if self.desk.deadman.expire(self.now):
             self.desk.halt()
-            self.desk.lease_ran_out()
+            self.desk.motion.lease_ran_out()
         for data in self.machine.heard[self.heard :]:
             self.say(self.board.receive(data, self.now - 1000.0))
         self.heard = len(self.machine.heard)

@@ -5,6 +5,8 @@ import json
 
 import pytest
 
+from fleet.rollout import driver
+
 
 @pytest.fixture
 def settings(place):
@@ -18,7 +20,8 @@ def test_accounts_are_printed_for_the_configuration_of_the_server(fleet):
 
 
 @pytest.mark.parametrize("command", ["status", "resume", "abort"])
-def test_a_store_that_does_not_answer_is_told(fleet, settings, command):
+def test_a_store_that_does_not_answer_is_told(fleet, settings, command, monkeypatch):
+    monkeypatch.setattr(driver, "SILENT_FOR", 0.0)  # how long it is asked again is tested with the driver
     told = fleet("rollout", command)
     assert (told.code, "does not answer OPERATOR" in told.err) == (1, True)
 

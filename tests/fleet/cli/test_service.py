@@ -7,6 +7,7 @@ import pytest
 
 import fleet.cli.service as command
 from fleet.config.edge_id import EDGE_ID
+from fleet.rollout.signature import new_key
 
 TEXT = """\
 edge: {id: yard-1}
@@ -102,3 +103,55 @@ def test_the_log_is_the_journal_of_the_unit(fleet, installable, monkeypatch):
     fleet("service", "logs", "-f", "-n", "5", "--robot", "kestrel")
     words = ["--unit=fleet-yard-1.service", "--lines=5", "--no-pager", "--follow", "FLEET_ROBOT=kestrel"]
     assert ran == [("/usr/bin/journalctl", ["/usr/bin/journalctl", *words])]
+
+
+@pytest.fixture
+def rolled_out(installable):
+    """Put the fleet file where roll-outs do; gives the folder of the agent."""
+    folder = installable / "yard-1"
+    (folder / "versions" / "a").mkdir(parents=True)
+    (folder / "versions" / "a" / "fleet.yaml").write_text(TEXT)
+    (folder / "current").symlink_to(Path("versions", "a"))
+    pair = new_key()
+    (folder / "site.pub").write_bytes(pair.public.pem())
+    (folder / "rollout.yaml").write_text(
+        "edge: yard-1\nservers: ['tls://nats.example.com:4222']\ntrust: [site.pub]\n"
+    )
+    return folder
+
+
+def test_the_agent_of_roll_outs_is_installed_with_the_edge_and_removed_with_it(fleet, rolled_out):
+    file = "yard-1/current/fleet.yaml"
+    result = fleet("service", "install", file, "--agent", "--root", "image", "--json")
+    assert (result.code, result.json["agent"]) == (0, "fleet-yard-1.agent.service"), result.err
+    unit = rolled_out.parent / "image/etc/systemd/system/fleet-yard-1.agent.service"
+    assert f"-m fleet rollout agent -- {rolled_out}\n" in unit.read_text()
+    assert fleet("service", "uninstall", file, "--root", "image").code == 0
+    assert not unit.exists()
+
+
+def test_an_agent_for_another_edge_or_without_roll_outs_is_refused(fleet, rolled_out):
+    result = fleet("service", "install", "--agent", "--root", "image")
+    assert (result.code, "comes from no roll-out" in result.err) == (3, True)
+    text = (rolled_out / "rollout.yaml").read_text()
+    (rolled_out / "rollout.yaml").write_text(text.replace("yard-1", "yard-2"))
+    result = fleet("service", "install", "yard-1/current/fleet.yaml", "--agent", "--root", "image")
+    assert (result.code, "is for edge yard-2, not yard-1" in result.err) == (3, True)
+
+
+@pytest.mark.parametrize(("state", "code"), [("active", 0), ("failed", 4)])
+def test_the_status_has_the_agent_where_there_is_one(fleet, installable, monkeypatch, state, code):
+    def told(command):
+        return f"LoadState=loaded\nActiveState={state if 'agent' in command[-1] else 'active'}\n"
+
+    monkeypatch.setattr(command, "run_program", told)
+    result = fleet("service", "status")
+    assert (result.code, f"fleet-yard-1.agent.service: {state}" in result.out) == (code, True)
+
+
+def test_the_log_of_the_agent_is_that_of_its_unit(fleet, installable, monkeypatch):
+    ran = []
+    monkeypatch.setattr(command.shutil, "which", lambda _: "/usr/bin/journalctl")
+    monkeypatch.setattr(command.os, "execv", lambda _program, words: ran.append(words))
+    fleet("service", "logs", "--agent")
+    assert "--unit=fleet-yard-1.agent.service" in ran[0]

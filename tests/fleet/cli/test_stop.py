@@ -1,3 +1,4 @@
+import json
 import os
 import signal
 import subprocess
@@ -7,7 +8,7 @@ import threading
 import pytest
 
 from fleet.bus.settings import BusSettings, runtime_dirs
-from fleet.cli.outline import Outline
+from fleet.cli.outline import Outline, outline
 from fleet.client.edges import decoded
 from fleet.errors import BusError
 from fleet.supervisor.protocol import StopAnswer
@@ -155,6 +156,17 @@ def test_a_stop_needs_no_file_that_is_right(fleet, yard, place, what):
     assert result.code == 0
     assert yard.stops
     assert set(map(str, yard.stops)) == {"[]"}
+
+
+@pytest.mark.parametrize(
+    ("tls", "mutual"), [({}, True), ({"mutual": True}, True), ({"mutual": False}, False), (None, False)]
+)
+def test_a_stop_shows_its_certificate_where_every_other_command_does(place, tls, mutual):
+    files = {name: name for name in ("root_ca", "cert", "key")}
+    given = {} if tls is None else {"tls": {**files, **tls}}
+    file = place / "fleet.yaml"
+    file.write_text(json.dumps({"edge": {"id": "yard-1"}, "bus": {"connect": ["tls/10.0.0.1:1"], **given}}))
+    assert outline("fleet.yaml").settings.tls.mutual is mutual
 
 
 def test_a_file_that_is_not_there_keeps_no_stop(fleet, yard):

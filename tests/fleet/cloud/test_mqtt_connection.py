@@ -13,8 +13,11 @@ from fleet.cloud.outbound_queue import OutboundQueue
 from fleet.cloud.packets import PacketDecoder
 from fleet.cloud.values import CloudSettings, CloudStats
 from fleet.errors import CloudError
+from fleet.spool.message import Outgoing
+from fleet.spool.queue import NEWEST_FIRST
 from fleet.spool.spool import Spool, SpoolSettings
 from fleet.testing.clock import ManualClock
+from fleet.wire.rules import TrafficClass
 
 SILENCE = 8.5  # s; the longest that a cut may go unnoticed
 WITHIN = 60.0  # s
@@ -58,9 +61,13 @@ async def broker(ends):
 
 
 @pytest.fixture
-async def connection(ends, broker, clock):
+def box(clock):
+    return OutboundQueue(Spool(SpoolSettings(), clock), 1000, 10**6, CloudStats(), clock)
+
+
+@pytest.fixture
+async def connection(ends, broker, clock, box):
     """Be connected, with the settings that an edge has by itself."""
-    box = OutboundQueue(Spool(SpoolSettings(), clock), 1000, 10**6, CloudStats(), clock)
     session = MqttSession(SETTINGS, {}, box, CloudStats())
     one = MqttConnection(ends[0], session, SETTINGS, clock, deliver=broker.handed.extend, take=broker.take)
     broker.say(mqtt5.ConnAckPacket())
@@ -68,6 +75,44 @@ async def connection(ends, broker, clock):
     broker.taken.clear()
     assert broker.hear() == [mqtt5.ConnectPacket]
     return one
+
+
+@pytest.fixture
+def writes(connection, monkeypatch):
+    """Note each write to the network."""
+    write, written = connection._stream.write, asyncio.Queue()
+    monkeypatch.setattr(connection._stream, "write", lambda data: (written.put_nowait(data), write(data)))
+    return written
+
+
+def send(connection, box, *topics):
+    """Queue a message on each topic, with a request to write it soon."""
+    for topic in topics:
+        box.spool.put(Outgoing(topic, b"", 1, TrafficClass.EVENT))
+        connection.flush_soon()
+
+
+async def test_the_first_message_after_a_pause_leaves_at_once_and_those_of_a_stream_share_a_write(
+    connection, box, writes, clock
+):
+    box.go_online()
+    clock.advance(NEWEST_FIRST)
+    send(connection, box, "first")
+    assert b"first" in writes.get_nowait()
+    send(connection, box, "second", "third")
+    assert writes.empty()
+    shared = await asyncio.wait_for(writes.get(), WITHIN)
+    assert b"second" in shared
+    assert b"third" in shared
+
+
+async def test_a_message_that_may_not_wait_does_not_wait_for_a_planned_write(connection, box, writes, clock):
+    box.go_online()
+    clock.advance(NEWEST_FIRST)
+    send(connection, box, "first", "second")
+    writes.get_nowait()
+    connection.flush()
+    assert b"second" in writes.get_nowait()
 
 
 @pytest.mark.parametrize("phase", [0.0, 0.01, 0.1, 0.24])

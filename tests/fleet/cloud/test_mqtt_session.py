@@ -194,8 +194,8 @@ def test_an_acknowledgement_tells_what_became_of_the_message(code, outcome):
     talk.hear(mqtt5.PubAckPacket(1, reason_code=mqtt5.PubAckReasonCode(code)))
     assert talk.outcomes() == outcome
     assert talk.stats.rtt == 0.5
-    assert not talk.session.busy()
     assert talk.send() == []
+    assert not talk.session.busy()
     assert (talk.stats.refused, talk.box.spool.lost) == ((1, 1) if code else (0, 0))
 
 
@@ -415,6 +415,7 @@ def test_a_message_of_qos_2_is_released_once_the_broker_has_it():
     assert talk.stats.acked == 0
     talk.hear(mqtt5.PubCompPacket(published.packet_id))
     assert talk.stats.acked == 1
+    assert talk.send() == []
     assert not talk.session.busy()
 
 

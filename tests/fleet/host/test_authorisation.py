@@ -67,7 +67,7 @@ def message_of(source, **fields):
 
 def commands_of(robot):
     """Return every command that such a robot, or any, is asked: its own, the verbs, the host's."""
-    own = set(robot._can.commands)
+    own = set(robot.controller.can.commands)
     return sorted(own | set(VERBS) | set(SETTINGS) | {"move", "restart_adapter", "release_emergency_stop"})
 
 

@@ -31,7 +31,7 @@ def time_passes(bench, seconds):
     bench.clock.advance(seconds)
     if bench.controller.deadman.expire(bench.clock.monotonic()):
         bench.controller.halt()
-        bench.controller.lease_ran_out()
+        bench.controller.motion.lease_ran_out()
 
 
 def the_pilot_takes_over(bench, _):

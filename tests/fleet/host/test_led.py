@@ -212,7 +212,7 @@ async def test_once_a_lease_has_run_out_all_keys_are_up(world):
     world.ask(Setpoint(Velocity(yaw_rate=0.5), "turn_left", origin=TELE))
     world.clock.advance(0.2)
     assert world.controller.deadman.expire(world.clock.monotonic())
-    world.controller.lease_ran_out()
+    world.controller.motion.lease_ran_out()
     world.ask(Setpoint(Velocity(Vector3(x=0.3)), "move_forward", origin=TELE))
     assert world.cart.velocity == Velocity(Vector3(x=0.3))
 

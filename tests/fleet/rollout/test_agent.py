@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 from fleet.errors import Refused
 from fleet.rollout.bundle import HEAD, LARGEST, BundleError
 from fleet.rollout.edge_here import Applied, Code, Running
+from fleet.rollout.faults import Fault
 from fleet.rollout.messages import SETTLED, Desired, Stage
 from fleet.rollout.signature import new_key
 from tests.tools.rollout import desired_of
@@ -69,14 +70,15 @@ async def test_a_file_that_the_edge_cannot_use_touches_nothing(yard):
 async def test_an_edge_that_gets_less_healthy_goes_back(yard):
     def gets_worse(by):
         content = yard.installation.file_in_use.read_bytes()
-        yard.here.state = Running("fault" if b"version 2" in content else "ok", "rex: motor 3", 0.0)
+        faults = (Fault("rex", "fault", "motor 3"),) if b"version 2" in content else ()
+        yard.here.state = Running("degraded" if faults else "ok", "", 0.0, faults)
         return Applied()
 
     yard.here.apply = gets_worse
     await yard.want(2, settle=3.0)
     report = await yard.report()
     assert (report.stage, yard.text) == (Stage.FAILED, "version 1")
-    assert report.why == "the edge is fault, was ok: rex: motor 3"
+    assert report.why == "rex is fault, was ok: motor 3"
 
 
 async def test_a_return_that_has_to_wait_goes_on_until_it_is_whole(yard):

@@ -1,12 +1,16 @@
 """An edge that gets less healthy with a bundle, or ends with it, goes back to the bundle before."""
 
+import msgspec
 import pytest
 
 from fleet.rollout.agent import GONE_FOR
 from fleet.rollout.edge_here import Applied, Running
+from fleet.rollout.faults import Fault
 from fleet.rollout.messages import Stage
 from tests.tools.rollout_yard import Yard
 
+BATTERY = Fault("max", "degraded", "battery 9 %")
+MOTOR = Fault("rex", "fault", "motor 3")
 WAITS = Applied(waits="edge yard-1 does not run; it starts with this bundle")
 
 
@@ -27,19 +31,63 @@ def changes_later(yard, seconds, state):
 
 
 async def test_an_edge_that_gets_worse_late_in_its_time_goes_back(yard):
-    changes_later(yard, 8.0, Running("fault", "rex: motor 3", 0.0))
+    changes_later(yard, 8.0, Running("degraded", "", 0.0, (MOTOR,)))
     await yard.want(2, settle=10.0)
     report = await yard.report()
     assert (report.stage, yard.text) == (Stage.FAILED, "version 1")
-    assert report.why == "the edge is fault, was ok: rex: motor 3"
+    assert report.why == "rex is fault, was ok: motor 3"
 
 
 async def test_an_edge_that_is_well_again_at_the_end_of_its_time_is_done(yard):
-    yard.here.state = Running("fault", "rex starts", 0.0)
+    yard.here.state = Running("degraded", "", 0.0, (MOTOR,))
     changes_later(yard, 3.0, Running("ok", "", 0.0))
     await yard.want(2, settle=10.0)
     assert (await yard.report()).stage is Stage.DONE
     assert yard.clock.monotonic() >= 10.0
+
+
+async def test_a_fault_in_the_place_of_another_fails_the_bundle_and_the_one_before_does_not(yard):
+    yard.here.state = Running("degraded", "", 0.0, (BATTERY,))
+    changes_later(yard, 3.0, Running("degraded", "", 0.0, (MOTOR,)))
+    await yard.want(2, settle=10.0)
+    report = await yard.report()
+    assert (report.stage, report.why) == (Stage.FAILED, "rex is fault, was ok: motor 3")
+
+
+async def test_what_was_wrong_before_does_not_fail_the_bundle(yard):
+    yard.here.state = Running("degraded", "", 0.0, (BATTERY, MOTOR))
+    changes_later(yard, 3.0, Running("degraded", "", 0.0, (MOTOR,)))
+    await yard.want(2, settle=10.0)
+    assert (await yard.report()).stage is Stage.DONE
+    assert yard.installation.record().faults is None, "it is kept only until it is judged"
+
+
+async def test_a_report_names_three_parts_and_the_number_of_the_others(yard):
+    faults = tuple(Fault(f"r{number}", "offline", "silent") for number in range(5))
+    changes_later(yard, 3.0, Running("degraded", "", 0.0, faults))
+    await yard.want(2, settle=10.0)
+    why = (await yard.report()).why
+    assert why.endswith("r2 is offline, was ok: silent; and 2 more")
+
+
+async def test_an_agent_that_is_restarted_compares_with_what_was_wrong_before_the_bundle(yard):
+    yard.here.state = Running("degraded", "", 0.0, (BATTERY,))
+    yard.here.outcomes = [Applied(waits="rex: it is armed")]
+    await yard.want(2)
+    yard.start()
+    yard.here.state = Running("degraded", "", 0.0, (MOTOR,))
+    await yard.agent.turn()
+    assert (await yard.report()).why == "rex is fault, was ok: motor 3"
+
+
+async def test_the_record_of_an_older_fleet_is_judged_by_the_health_of_the_edge_as_a_whole(yard):
+    yard.here.outcomes = [Applied(waits="rex: it is armed")]
+    await yard.want(2)
+    yard.installation.keep(msgspec.structs.replace(yard.installation.record(), faults=None))
+    yard.start()
+    yard.here.state = Running("fault", "rex: motor 3", 0.0, (MOTOR,))
+    await yard.agent.turn()
+    assert (await yard.report()).why == "the edge is fault, was ok: rex: motor 3"
 
 
 async def test_an_edge_that_was_down_must_come_up_able_to_work(yard):

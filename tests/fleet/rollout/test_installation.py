@@ -2,11 +2,13 @@
 
 import json
 
+import msgspec
 import pytest
 
 from fleet.errors import StateError, StateNewer, StateTaken
 from fleet.rollout.bundle import sealed
 from fleet.rollout.decision import Record
+from fleet.rollout.faults import Fault
 from fleet.rollout.installation import STATE, Installation
 from fleet.rollout.messages import Stage
 from fleet.rollout.signature import new_key
@@ -58,7 +60,7 @@ def test_a_disk_that_fails_while_files_are_written_leaves_the_bundle_in_use(inst
     assert installation.current == first
     names = [path.name for path in (installation.folder / "versions").iterdir()]
     assert first in names
-    installation.tidy({first})
+    installation.tidy()
     assert [path.name for path in (installation.folder / "versions").iterdir()] == [first]
 
 
@@ -70,10 +72,37 @@ def test_a_bundle_in_use_is_never_written_over(installation):
     assert installation.file_in_use.read_text() == "changed by hand"
 
 
+def test_the_bundle_that_the_edge_runs_with_stays_while_another_one_waits(installation):
+    first, second = staged(installation, 1), staged(installation, 2)
+    installation.keep(Record(running=first, bundle=second, stage=Stage.WAITING))
+    installation.activate(second)
+    (installation.folder_of(first) / "fleet.yaml").write_text("changed by hand")
+    staged(installation, 1)
+    staged(installation, 3)
+    installation.tidy()
+    assert (installation.folder_of(first) / "fleet.yaml").read_text() == "changed by hand"
+    assert {path.name for path in (installation.folder / "versions").iterdir()} == {first, second}
+
+
 def test_the_record_is_the_same_after_a_restart(installation):
     record = Record("a", 3, "b", "r1", "b", "alice", Stage.WAITING, files=("rex.yaml",))
     installation.keep(record)
     assert Installation(installation.folder).record() == record
+
+
+def test_the_version_before_reads_the_record_and_the_other_way_round(installation):
+    class Before(msgspec.Struct, frozen=True):
+        """The fields that the version before looks at."""
+
+        bundle: str = ""
+        health: str = ""
+        format: int = 1
+
+    installation.keep(Record(bundle="b", health="ok", faults=(Fault("rex", "fault", "motor 3"),)))
+    data = (installation.folder / STATE).read_bytes()
+    assert msgspec.json.decode(data, type=Before) == Before("b", "ok", 1)
+    (installation.folder / STATE).write_bytes(msgspec.json.encode(Before("b", "ok")))
+    assert installation.record() == Record(bundle="b", health="ok", faults=None)
 
 
 @pytest.mark.parametrize("text", ["", "{", '{"highest": "x"}', "\udc80"])

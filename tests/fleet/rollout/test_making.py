@@ -48,6 +48,14 @@ def test_it_has_all_that_the_fleet_file_needs_and_secrets_by_name_only(site):
     assert bundle.files["fleet.yaml"].decode() == FILE
 
 
+def test_it_has_empty_files_too(site):
+    (site / "plugins" / "__init__.py").write_text("")
+    (site / "bodies" / "rex.yaml").write_text("")
+    found = make(site / "fleet.yaml", (), 3, {}, 1e9)
+    assert (found.bundle.files["plugins/__init__.py"], found.bundle.files["bodies/rex.yaml"]) == (b"", b"")
+    assert found.left_out == ()
+
+
 def test_it_may_be_for_other_edges_and_of_a_file_with_another_name(site):
     (site / "fleet.yaml").rename(site / "yard.yaml")
     bundle = made(site, "yard-1", "yard-2", file="yard.yaml")

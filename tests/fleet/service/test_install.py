@@ -4,6 +4,7 @@ from pathlib import Path
 
 import pytest
 
+from fleet.service.agent_unit import AgentSpec
 from fleet.service.devices import Devices
 from fleet.service.install import ServiceError, install, run_program, status_of, uninstall
 from fleet.service.unit import ServiceSpec
@@ -11,6 +12,7 @@ from fleet.service.unit import ServiceSpec
 SPEC = ServiceSpec(
     "yard-1", Path("/etc/fleet/fleet.yaml"), Path("/opt/fleet/bin/python"), Devices(("/dev/ttyS0",))
 )
+AGENT = AgentSpec("yard-1", Path("/etc/fleet/yard-1"), Path("/opt/fleet/bin/python"))
 
 
 class System:
@@ -35,6 +37,24 @@ def test_an_install_writes_unit_user_and_rules_and_then_starts_the_edge(tmp_path
     assert all(path.stat().st_mode & 0o777 == 0o644 for path in written)
     assert system.ran[:3] == ["systemd-sysusers", "systemctl daemon-reload", "udevadm control --reload"]
     assert system.ran[-1] == "systemctl enable --now fleet-yard-1.service"
+
+
+def test_the_agent_is_a_service_beside_the_edge_and_has_its_folder(tmp_path):
+    system = System()
+    written = install(SPEC, tmp_path, system, start=True, agent=AGENT)
+    assert tmp_path / "etc/systemd/system/fleet-yard-1.agent.service" in written
+    given = system.ran.index("chown --recursive --no-dereference fleet:fleet -- /etc/fleet/yard-1")
+    assert given > system.ran.index("systemd-sysusers"), "the user is there"
+    assert system.ran[-1] == "systemctl enable --now fleet-yard-1.service fleet-yard-1.agent.service"
+
+
+def test_an_uninstall_removes_the_agent_too(tmp_path):
+    install(SPEC, tmp_path, None, start=False, agent=AGENT)
+    system = System()
+    removed = uninstall("yard-1", tmp_path, system)
+    assert system.ran[0] == "systemctl disable --now fleet-yard-1.agent.service fleet-yard-1.service"
+    assert {path.name for path in removed} >= {"fleet-yard-1.agent.service", "fleet-yard-1.service"}
+    assert not any(path.exists() for path in removed)
 
 
 def test_for_an_image_no_program_is_run(tmp_path):
@@ -78,7 +98,7 @@ def test_a_program_that_fails_is_told_in_its_own_words():
 
 def test_the_status_is_what_systemd_says_and_nothing_that_was_not_asked():
     told = "LoadState=loaded\nActiveState=active\nStatusText=the edge is running\nOther=1\n"
-    assert status_of("yard-1", lambda _: told) == {
+    assert status_of("fleet-yard-1.service", lambda _: told) == {
         "LoadState": "loaded",
         "ActiveState": "active",
         "StatusText": "the edge is running",

@@ -23,7 +23,9 @@ class Opened:
 
     def written(self):
         """Wait until everything is on disk."""
-        wait_until("everything is on disk", lambda: not self.spool._queue.unwritten or self.spool.problem)
+        wait_until(
+            "everything is on disk", lambda: not self.spool._queue.disk.unwritten or self.spool.problem
+        )
         return self
 
     def online(self):
@@ -89,21 +91,21 @@ class Bench:
 
     def disk(self, *, works=True):
         """Do what the disk's thread does in one turn."""
-        self.commit(self.queue.work(self.now), works=works)
+        self.commit(self.queue.disk.work(self.now), works=works)
         if works:
             self.fetch()
 
     def commit(self, work, *, works=True):
         """End a change of the disk, which may have taken long."""
         if not works:
-            self.queue.not_written(work)
+            self.queue.disk.not_written(work)
             return
         for message in work.rows:
             self.rows[message.seq] = message
         for seq in work.done:
             self.rows.pop(seq, None)
         self.queue.losses.changed = False
-        self.queue.wrote(work)
+        self.queue.disk.wrote(work)
 
     def evict(self, count):
         """Remove the oldest rows, as is done to make room on disk."""
@@ -111,11 +113,11 @@ class Bench:
         for seq in sorted(self.rows)[:count]:
             removed.setdefault(self.rows.pop(seq).topic, []).append(seq)
         for topic, seqs in removed.items():
-            self.queue.removed(topic, seqs, Reason.ROOM, self.wall)
+            self.queue.disk.removed(topic, seqs, Reason.ROOM, self.wall)
 
     def fetch(self):
         """Bring back from disk what is wanted."""
-        for fetch in self.queue.fetches():
+        for fetch in self.queue.disk.fetches():
             found = [
                 Outgoing(
                     row.topic,
@@ -131,7 +133,7 @@ class Bench:
                 if row.topic == fetch.topic and row.seq > fetch.after
             ]
             part = found[: fetch.limit]
-            self.queue.fetched(fetch.topic, part, more=len(part) == fetch.limit)
+            self.queue.disk.fetched(fetch.topic, part, more=len(part) == fetch.limit)
 
     def restarted(self, messages=5, *, there=True):
         """Return what a new process makes of the disk, or of its memory when no disk is ``there``."""
@@ -143,12 +145,12 @@ class Bench:
     def look(self, *, there):
         """Read the disk for the first time, or find that it cannot be read."""
         if not there:
-            self.queue.no_disk()
+            self.queue.disk.no_disk()
             return
         for topic in dict.fromkeys(row.topic for row in self.rows.values()):
             rows = [row for row in self.rows.values() if row.topic == topic]
             seqs = [row.seq for row in rows]
-            self.queue.found(topic, rows[0].traffic, len(rows), min(seqs), max(seqs))
+            self.queue.disk.found(topic, rows[0].traffic, len(rows), min(seqs), max(seqs))
 
     def live(self, topic):
         """Return what stands in memory of a topic, but what is cold."""

@@ -20,7 +20,7 @@ def test_what_is_taken_in_time_never_touches_the_disk(make_bench):
     bench.put()
     assert bench.send() == [b"0"]
     bench.now += 2 * GRACE
-    work = bench.queue.work(bench.now)
+    work = bench.queue.disk.work(bench.now)
     assert (list(work.rows), list(work.done)) == ([], [])
 
 
@@ -70,8 +70,8 @@ def test_what_was_lost_before_the_disk_could_be_read_is_not_counted_with_what_is
     for _ in range(4):
         bench.put()
     bench.disk()
-    bench.queue.removed("t", [sorted(bench.rows)[1]], Reason.ROOM, bench.wall)
-    bench.queue.found("t", EVENT, 2, 1, 2)
+    bench.queue.disk.removed("t", [sorted(bench.rows)[1]], Reason.ROOM, bench.wall)
+    bench.queue.disk.found("t", EVENT, 2, 1, 2)
     assert (bench.queue.on_disk, bench.queue.waiting) == (5, 5)
 
 
@@ -123,7 +123,7 @@ def test_a_damaged_file_costs_what_was_on_it_alone_and_is_counted(make_bench):
     for _ in range(8):
         bench.put()
     bench.disk()
-    bench.queue.lost_disk(bench.wall)
+    bench.queue.disk.lost_disk(bench.wall)
     bench.rows.clear()
     assert [(gap.reason, gap.lost) for gap in bench.queue.losses.take()] == [(Reason.CORRUPT, 3)]
     bench.disk()
@@ -135,7 +135,7 @@ def test_what_was_cold_when_the_disk_went_away_is_sent_in_order_and_more_follows
     bench = make_bench(messages=5)
     for _ in range(8):
         bench.put()
-    bench.online().queue.no_disk()
+    bench.online().queue.disk.no_disk()
     assert bench.queue.on_disk == 0
     bench.put()
     sent = bench.drain()
@@ -151,7 +151,7 @@ def test_what_is_evicted_from_disk_is_lost_unless_it_is_under_way(make_bench):
     bench.disk()
     flying = bench.online().take()
     removed = [bench.rows.pop(seq).seq for seq in sorted(bench.rows)[:6]]
-    bench.queue.removed("t", removed, Reason.ROOM, bench.wall)
+    bench.queue.disk.removed("t", removed, Reason.ROOM, bench.wall)
     assert [(gap.reason, gap.lost) for gap in bench.queue.losses.take()] == [(Reason.ROOM, 5)]
     bench.queue.settle(flying[0], Outcome.ACKED, bench.now, bench.wall)
     assert bench.drain() == numbers(6, 8)
@@ -161,14 +161,14 @@ def test_what_is_pushed_out_while_the_disk_writes_it_is_lost_and_not_sent(make_b
     bench = make_bench(messages=2)
     for _ in range(4):
         bench.put()
-    work = bench.queue.work(bench.now)
+    work = bench.queue.disk.work(bench.now)
     for _ in range(4):
         bench.put()
     assert bench.queue.losses.total == 4
     bench.online().commit(work)
     bench.fetch()
     assert bench.drain() == numbers(4, 8)
-    assert (bench.queue.on_disk, bench.queue.waiting, bench.queue.needs_fetch) == (0, 0, False)
+    assert (bench.queue.on_disk, bench.queue.waiting, bench.queue.disk.needs_fetch) == (0, 0, False)
 
 
 @pytest.fixture
@@ -194,7 +194,7 @@ def test_what_was_acknowledged_is_not_fetched_again_before_it_is_deleted(begun_a
 
 
 def test_what_was_acknowledged_is_no_loss_when_it_is_evicted_while_it_is_deleted(begun_anew):
-    work = begun_anew.queue.work(begun_anew.now)
+    work = begun_anew.queue.disk.work(begun_anew.now)
     begun_anew.evict(2)
     begun_anew.commit(work)
     assert (begun_anew.queue.losses.total, begun_anew.queue.on_disk) == (0, 1)

@@ -91,7 +91,7 @@ class Life(RuleBasedStateMachine):
     @rule()
     @precondition(lambda self: self.there and not self.writing)
     def a_change_begins(self):
-        self.writing = self.bench.queue.work(self.bench.now)
+        self.writing = self.bench.queue.disk.work(self.bench.now)
 
     @rule(works=st.sampled_from([True, True, False]))
     @precondition(lambda self: self.writing)
@@ -127,7 +127,7 @@ class Life(RuleBasedStateMachine):
             self.begin(self.bench.restarted(self.MESSAGES, there=there), there=there)
             return
         self.bench.rows.clear()
-        self.bench.queue.lost_disk(self.bench.wall)
+        self.bench.queue.disk.lost_disk(self.bench.wall)
         self.bench.look(there=there)
         self.there = there
 
@@ -160,7 +160,7 @@ class Life(RuleBasedStateMachine):
         assert min(on_disk) >= 0
         assert (queue.on_disk, queue.waiting) == (sum(on_disk), sum(on_disk) + len(live))
         assert queue._memory.count <= 2 * self.MESSAGES + 4 * LOW_IN_NEED + self.most_flying
-        if self.there and not (self.writing or queue.unwritten):
+        if self.there and not (self.writing or queue.disk.unwritten):
             assert queue.on_disk == len(self.bench.rows.keys() - {one.seq for one in (*live, *self.flying)})
         assert self.there or not queue.on_disk
 
@@ -180,7 +180,7 @@ class Life(RuleBasedStateMachine):
         self.each_topic_is_in_order()
         self.each_message_is_in_one_place()
         queue = self.bench.queue
-        assert (queue.waiting, queue.on_disk, queue.needs_fetch, self.bench.rows) == (0, 0, False, {})
+        assert (queue.waiting, queue.on_disk, queue.disk.needs_fetch, self.bench.rows) == (0, 0, False, {})
 
 
 def test_nothing_is_lost_doubled_or_out_of_order_whatever_comes(make_bench):

@@ -35,7 +35,7 @@ told = 0
 for number in range(1_000_000):
     spool.put(Outgoing(f"t/{number % 3}", b"%d" % number, 1))
     if number % 500 == 499:
-        while spool._queue.unwritten:
+        while spool._queue.disk.unwritten:
             pass
         print(number, flush=True)
 """
@@ -179,7 +179,7 @@ def test_a_file_that_is_damaged_under_way_is_replaced_and_memory_goes_to_the_new
     monkeypatch.setattr(spool.spool._disk._store, "change", lambda *_: (_ for _ in ()).throw(broken))
     spool.put(b"10")
     wait_until("it is replaced", (tmp_path / "state" / f"{SPOOL}.broken").exists)
-    wait_until("all is on disk again", lambda: not spool.spool._queue.unwritten)
+    wait_until("all is on disk again", lambda: not spool.spool._queue.disk.unwritten)
     assert [payload for _, payload in opened().online().drain()] == payloads(11)
 
 

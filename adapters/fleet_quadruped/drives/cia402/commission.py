@@ -39,11 +39,11 @@ _NO_OBJECT = 0x06020000
 _NO_SUB = 0x06090011
 _ABORTS = {
     0x05040000: "the drive did not continue the transfer",
-    0x06010002: "it is read-only",
-    0x06020000: "the drive has no such object",
+    _READ_ONLY: "it is read-only",
+    _NO_OBJECT: "the drive has no such object",
     0x06040041: "it cannot be mapped to a PDO",
     0x06040042: "the mapped objects are longer than the PDO",
-    0x06090011: "the drive has no such subindex",
+    _NO_SUB: "the drive has no such subindex",
     0x06090030: "the value is out of the drive's range",
     0x08000022: "not in this state of the drive",
 }

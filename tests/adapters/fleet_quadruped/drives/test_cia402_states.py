@@ -1,6 +1,8 @@
 import pytest
+from canopen.profiles.p402 import State402
 
 from fleet_quadruped.drives.base import Power
+from fleet_quadruped.drives.cia402 import states
 from fleet_quadruped.drives.cia402.states import POWER, DriveGoal, DriveState, control_words, state_of
 
 
@@ -21,6 +23,21 @@ from fleet_quadruped.drives.cia402.states import POWER, DriveGoal, DriveState, c
 )
 def test_a_status_word_is_one_state(status, state):
     assert state_of(status) is state
+
+
+@pytest.mark.parametrize("status", range(0x70))
+def test_each_status_word_is_the_state_that_the_canopen_library_takes_it_for(status):
+    known = [name.lower() for name, (mask, value) in State402.SW_MASK.items() if status & mask == value]
+    assert [str(state_of(status))] == (known or [str(DriveState.NOT_READY)])
+
+
+def test_the_control_words_are_those_of_the_canopen_library():
+    assert states.DISABLE_VOLTAGE == State402.CW_DISABLE_VOLTAGE
+    assert states.QUICK_STOP == State402.CW_QUICK_STOP
+    assert states.SHUTDOWN == State402.CW_SHUTDOWN
+    assert states.SWITCH_ON == State402.CW_SWITCH_ON
+    assert states.ENABLE == State402.CW_OPERATION_ENABLED
+    assert states.RESET == State402.CW_SWITCH_ON_DISABLED
 
 
 def test_the_walk_to_enabled_takes_three_steps():

@@ -3,6 +3,7 @@
 import asyncio
 import contextlib
 import json
+import queue
 import sys
 import threading
 from types import SimpleNamespace
@@ -13,6 +14,7 @@ import pytest
 from fleet.bus import keys
 from fleet.bus.bus import open_edge
 from fleet.bus.settings import BusSettings
+from fleet.cli.changes import _told_to_wait
 from fleet.client import Fleet
 from fleet.host.edge import changes
 from fleet.host.process import rebuild
@@ -351,7 +353,7 @@ class Worker:
 async def changed(worker, monkeypatch):
     monkeypatch.setattr(worker_changes, "BACK_WITHIN", 0.1)
     monkeypatch.setattr(worker_changes, "task_of", lambda after, _worker: msgspec.Raw(after))
-    robot = SimpleNamespace(name="arm", worker="limbs", state=worker.state)
+    robot = SimpleNamespace(name="arm", worker="limbs", state=worker.state, silent=False)
     workers = WorkerChanges("edge", worker, {"limbs": worker}, {"arm": robot})
     return await workers.change("limbs", b"new", force=False)
 
@@ -368,6 +370,25 @@ async def test_a_worker_whose_robots_do_not_come_back_runs_with_the_task_of_befo
     outcome, why = await changed(worker, monkeypatch)
     assert (outcome, "configuration of before" in why) == (Outcome.FAILED, True)
     assert worker.task == worker.given == b"old"
+
+
+async def test_a_worker_that_says_nothing_is_not_asked_and_not_waited_for():
+    robot, worker = SimpleNamespace(name="arm", worker="limbs", silent=True), Worker()
+    workers = WorkerChanges("edge", worker, {"limbs": worker}, {"arm": robot})
+    assert await workers.hold("limbs", {}) == {}
+    assert await workers.regroup({"all": ["arm"]}) == "worker limbs does not answer"
+    assert await workers.change("limbs", b"new", force=True) == (
+        Outcome.REFUSED,
+        "worker limbs does not answer",
+    )
+    assert (worker.forced, worker.task) == ([], b"old")
+
+
+def test_who_waits_for_an_edge_is_told_so(monkeypatch):
+    monkeypatch.setattr("fleet.cli.changes.SOON", 0.01)
+    told = queue.Queue()
+    with _told_to_wait(SimpleNamespace(note=told.put), "yard-1"):
+        assert told.get(timeout=20).startswith("waiting for edge yard-1: one robot after the other")
 
 
 async def test_a_worker_that_died_and_came_up_with_the_change_is_not_told_as_unchanged(monkeypatch):

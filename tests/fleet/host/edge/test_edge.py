@@ -20,6 +20,8 @@ from fleet.errors import BusError
 from fleet.model.command import Reply, ReplyStatus
 from fleet.model.health import Health, Level
 from fleet.model.state import EdgeState, RobotState
+from fleet.rollout.edge_here import LocalEdge
+from fleet.rollout.faults import Fault
 from fleet.testing.waiting import wait_until
 
 POOLS = ("asyncio", "uvloop")  # whose threads stay for the next one
@@ -53,6 +55,17 @@ async def served(yard, run_edge, asks):
         bus_session = await asyncio.to_thread(place.bus_session)
         yield place, edge, bus_session
         await asyncio.to_thread(bus_session.close)
+
+
+async def test_an_edge_tells_every_problem_of_its_own_and_the_agent_of_roll_outs_reads_it(served):
+    place, edge, _ = served
+    here = LocalEdge(place.id, place.file)
+    assert (await asyncio.to_thread(here.running)).faults == ()
+    edge.beside = lambda: "the console does not run"
+    edge.missions.store.problem = "runs are not recorded"
+    told = [Fault("the edge", "degraded", each) for each in edge.state().problems]
+    assert {each.cause for each in told} >= {"the console does not run", "runs are not recorded"}
+    assert (await asyncio.to_thread(here.running)).faults == tuple(told)
 
 
 async def test_a_robot_is_commanded_on_its_bus_key_and_the_lease_ends_it(served, asks):
@@ -92,7 +105,7 @@ async def test_an_emergency_stop_reaches_every_robot_though_the_halt_of_one_rais
     def refuse():
         raise ZeroDivisionError("oops")
 
-    edge.process.robots["rex"].controller._adapter.halt = refuse
+    edge.process.robots["rex"].controller.attached.adapter.halt = refuse
     bus_session.put(keys.stop(place.id), b"", urgent=True)
     await asks.until(lambda: "stop" in place.words("max") and "stop" in place.words("rex"))
     assert all(state.emergency_stop for state in edge.states())
@@ -101,7 +114,7 @@ async def test_an_emergency_stop_reaches_every_robot_though_the_halt_of_one_rais
 async def test_an_emergency_stop_is_written_while_the_loop_is_stuck(served, asks):
     place, edge, bus_session = served
     halted = threading.Event()
-    edge.process.robots["rex"].controller._adapter.halt = halted.set
+    edge.process.robots["rex"].controller.attached.adapter.halt = halted.set
     threading.Timer(0.1, bus_session.put, (keys.stop(place.id), b""), {"urgent": True}).start()
     assert halted.wait(20)  # this blocks the loop
     await asks.until(lambda: edge.process.robots["rex"].controller.latched)

@@ -3,6 +3,7 @@
 import asyncio
 import json
 import uuid
+from operator import attrgetter
 
 import pytest
 
@@ -128,7 +129,7 @@ async def test_a_robot_is_taken_out_and_nothing_of_it_is_left(yard_of_two):
 
 
 @pytest.mark.parametrize(
-    "part", ["missions.leave", "process.give_up", "_notifier.leave", "cloud_claims.leave"]
+    "part", ["missions.leave", "process.holders.give_up", "_notifier.leave", "cloud_claims.leave"]
 )
 async def test_a_part_that_does_not_let_go_of_a_robot_keeps_no_other_from_it(
     yard_of_two, monkeypatch, caplog, part
@@ -136,12 +137,12 @@ async def test_a_part_that_does_not_let_go_of_a_robot_keeps_no_other_from_it(
     """The robot is not run any more: half of it must not stay."""
     field = yard_of_two
     before = field.robots
-    name, _, method = part.partition(".")
+    name, _, method = part.rpartition(".")
 
     def fails(*_):
         raise RuntimeError("no room")
 
-    monkeypatch.setattr(getattr(field.edge, name), method, fails)
+    monkeypatch.setattr(attrgetter(name)(field.edge), method, fails)
     field.remove("rex")
     assert (await field.apply())["rex"].outcome is Outcome.DONE
     assert "a part of rex is left behind" in caplog.text

@@ -108,7 +108,7 @@ async def test_a_robot_that_comes_and_goes_begins_and_ends_its_telemetry(served)
     robot, said = process.robots["rex"], []
     robot._send = said.append
     for offline in ("gone", "", ""):
-        robot.controller.offline = offline
+        robot.controller.attached.offline = offline
         robot._health_changed()
     told = [report.type for report in said if isinstance(report, TelemetryReport)]
     assert told == ["disconnected", "telemetry_end", "connected", "telemetry_start"]
@@ -118,7 +118,7 @@ async def test_a_stop_for_all_is_not_held_up_by_one_whose_halt_hangs(served, ask
     process, place = served
     free = threading.Event()
     held = []
-    process.robots["rex"].controller._adapter.halt = lambda: held.append(free.wait(20))
+    process.robots["rex"].controller.attached.adapter.halt = lambda: held.append(free.wait(20))
     stopped = await asyncio.to_thread(process.stop_robots, (), local_cause("", "test"))
     assert stopped == ["rex", "max"]
     await asks.until(lambda: "halt" in place.words("max"))
@@ -132,7 +132,7 @@ async def test_a_stop_for_all_is_not_held_up_by_one_whose_halt_hangs(served, ask
 async def test_all_are_latched_before_the_first_is_halted(served, asks):
     process, _ = served
     latched = []
-    process.robots["rex"].controller._adapter.halt = lambda: latched.append(
+    process.robots["rex"].controller.attached.adapter.halt = lambda: latched.append(
         process.robots["max"].controller.latched
     )
     await asyncio.to_thread(process.stop_robots, (), local_cause("", "test"))
@@ -143,7 +143,7 @@ async def test_all_are_latched_before_the_first_is_halted(served, asks):
 async def test_a_halt_that_hangs_keeps_nobody_from_reading_the_stop_of_another(served, asks):
     process, place = served
     free, held = threading.Event(), []
-    process.robots["rex"].controller._adapter.halt = lambda: held.append(free.wait(20))
+    process.robots["rex"].controller.attached.adapter.halt = lambda: held.append(free.wait(20))
     for name in ("rex", "max"):
         process.robots[name].read("command", b'{"command": "emergency_stop"}', way=Transport.CLOUD)
         assert process.robots[name].controller.latched
@@ -269,7 +269,7 @@ async def test_what_waited_too_long_for_the_loop_is_refused_but_a_stop(served, k
     robot = process.robots["rex"]
     answers = []
     take = robot.read(kind, json.dumps(message).encode(), way=Transport.BUS)
-    robot.clock = ManualClock(monotonic=robot.clock.monotonic() + waited)
+    robot.requests._clock = ManualClock(monotonic=robot.clock.monotonic() + waited)
     take(answers.append)
     late = [answer for answer in answers if "held up" in answer.reason]
     assert bool(late) is not taken
@@ -330,7 +330,7 @@ async def test_misspelt_data_moves_nothing_by_any_way_in(served, asks, kind, mes
 async def test_a_goal_that_cannot_be_read_has_a_failed_status_under_its_id(served, kind, payload, state):
     process, _ = served
     robot, reports = process.robots["rex"], []
-    robot.publish = reports.append
+    robot.requests._publish = reports.append
     answers = []
     robot.read(kind, payload, way=Transport.CLOUD)(answers.append)
     (status,) = reports

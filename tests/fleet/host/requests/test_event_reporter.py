@@ -69,7 +69,7 @@ async def test_a_low_battery_and_what_is_done_about_it_are_events(make_bench, as
 @pytest.mark.parametrize(
     "what",
     [
-        lambda bench, _asks: bench.controller.lease_ran_out(),
+        lambda bench, _asks: bench.controller.motion.lease_ran_out(),
         lambda bench, _asks: bench.controller.authority_lost("the pilot took it"),
         lambda bench, asks: bench.ask(asks.command("release_emergency_stop")),
         lambda bench, _asks: bench.stands(14.0),

@@ -44,8 +44,9 @@ class Stage:
             changed=lambda: None,
             told=self.levels.append,
         )
-        bench.controller._crashed = bench.controller._driving._crashed = self.runner.crashed
-        bench.controller._executor._crashed = self.runner.crashed
+        motion = bench.controller.motion
+        motion._crashed = motion.driving._crashed = self.runner.crashed
+        motion.executor._crashed = self.runner.crashed
         bench.controller.detach("")
 
     def make(self, robot):

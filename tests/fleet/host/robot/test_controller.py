@@ -135,7 +135,7 @@ async def test_a_zero_ends_motion_while_nothing_may_move_the_robot(bench, asks, 
 async def test_a_late_zero_tells_a_robot_that_stands_nothing(bench, asks):
     bench.ask(asks.setpoint(x=0.0, stamp=bench.clock.time() - 30))
     assert bench.puppet.told == []
-    assert not bench.controller.in_control
+    assert not bench.controller.motion.in_control
 
 
 async def test_a_late_zero_ends_no_take_off_and_nothing_that_another_drives(bench, asks):
@@ -177,7 +177,7 @@ async def test_a_lease_that_ran_out_ends_in_zero_velocity(bench, asks):
     bench.ask(asks.setpoint())
     bench.clock.advance(1.0)
     bench.controller.deadman.expire(bench.clock.monotonic())
-    bench.controller.lease_ran_out()
+    bench.controller.motion.lease_ran_out()
     assert bench.puppet.told[-1] == ZERO_VELOCITY
 
 
@@ -186,7 +186,7 @@ async def test_a_fresh_setpoint_is_not_undone_by_the_lease_before_it(bench, asks
     bench.clock.advance(1.0)
     bench.controller.deadman.expire(bench.clock.monotonic())
     bench.ask(asks.setpoint(x=0.5))
-    bench.controller.lease_ran_out()
+    bench.controller.motion.lease_ran_out()
     assert bench.puppet.told[-1].linear.x == 0.5
 
 
@@ -234,7 +234,7 @@ async def test_an_emergency_stop_is_told_only_once_the_orderly_stop_is_under_way
     class Slow(logging.Handler):
         def emit(self, record):
             if record.levelno == logging.CRITICAL:
-                seen.append((bench.controller.in_motion, bench.controller._executor.stopping))
+                seen.append((bench.controller.in_motion, bench.controller.motion.executor.stopping))
 
     bench.ask(asks.goal())
     await asks.settle()
@@ -355,7 +355,7 @@ async def test_authority_lost_ends_everything_and_is_told(bench, asks):
     bench.controller.authority_lost("the pilot switched to POSHOLD")
     assert len(bench.happened("authority_lost")) == 1
     assert bench.statuses()[-1] == "failed"
-    assert not bench.controller.in_control
+    assert not bench.controller.motion.in_control
 
 
 async def test_a_goal_goes_through_its_states_to_exactly_one_end(bench, asks):
@@ -582,7 +582,7 @@ async def test_a_lease_that_ran_out_does_not_disturb_a_goal_that_came_meanwhile(
     bench.controller.deadman.expire(bench.clock.monotonic())
     bench.ask(asks.goal())
     await asks.settle()
-    bench.controller.lease_ran_out()
+    bench.controller.motion.lease_ran_out()
     assert bench.puppet.told[1:] == [ZERO_VELOCITY, asks.goal().ask]
 
 

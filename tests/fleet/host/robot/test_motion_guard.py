@@ -75,7 +75,7 @@ async def test_a_velocity_is_held_only_as_far_as_it_keeps_the_fence(make_bench, 
 def lease_runs_out(bench, asks):
     bench.ask(asks.setpoint(1.0))
     bench.controller.deadman.expire(bench.controller.deadman.until)
-    bench.controller.lease_ran_out()
+    bench.controller.motion.lease_ran_out()
 
 
 def lease_runs_out_as_the_goal_comes(bench, asks):

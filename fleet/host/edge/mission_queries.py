@@ -1,0 +1,164 @@
+"""Queries on the bus of an edge's missions and runs: they show, start, rehearse and control them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
+
+import msgspec
+
+from fleet.bus import keys
+from fleet.bus.zenoh_session import Query, ZenohSession
+from fleet.config.missions import Mission
+from fleet.errors import Refused
+from fleet.host.edge.known_missions import KnownMissions
+from fleet.host.edge.rehearsals import Rehearsals
+from fleet.host.edge.run_results import RunResults
+from fleet.host.edge.start_requests import StartRequests
+from fleet.host.requests.console_asker import console_refusal
+from fleet.missions.filling import mission_state
+from fleet.missions.report import ControlAsk, Controlled, StartAsk, Started, ended_state
+from fleet.missions.runs import Runs, check_run_id
+from fleet.missions.state import Head, Member
+from fleet.missions.store import About, Store, Told
+from fleet.model.command import Transport
+from fleet.model.permission import Permission
+from fleet.runtime.decoding import decode_json
+
+SHOWN = 50  # runs that ended
+LARGEST = 1 << 20  # bytes of a mission that is sent
+_encode = msgspec.json.encode
+
+
+class MissionQueries:
+    """Answers the queries of one edge. ``soon`` runs a call on the event loop, from any thread."""
+
+    def __init__(
+        self,
+        edge: str,
+        bus_session: ZenohSession,
+        missions: KnownMissions,
+        runs: Runs,
+        *,
+        starts: StartRequests,
+        rehearsals: Rehearsals,
+        results: RunResults,
+        store: Store,
+        soon: Callable[[Callable[[], None]], None],
+    ) -> None:
+        self._edge = edge
+        self._bus_session = bus_session
+        self._missions = missions
+        self._runs = runs
+        self._starts = starts
+        self._rehearsals = rehearsals
+        self._results = results
+        self._store = store
+        self._soon = soon
+
+    def declare(self) -> None:
+        """Answer from now on."""
+        self._bus_session.answer(keys.mission(self._edge, "*"), self._mission, more=keys.CONSOLE)
+        self._bus_session.answer(keys.run(self._edge, "*"), self._run, more=keys.CONSOLE)
+
+    # -- missions ------------------------------------------------------------------------------------
+
+    def _mission(self, question: Query) -> None:
+        """Take a question for a mission; on the bus's thread."""
+        name, do = question.asked.rpartition("/")[2], question.parameters.get("do")
+        if do == "rehearsal":
+            self._soon(partial(self._rehearsals.look, question))
+            return
+        if do not in {"start", "rehearse"}:
+            for each in self._missions.by_name.values():
+                if "*" in name or each.name == name:
+                    question.reply(
+                        _encode(mission_state(each, self._edge)), keys.mission(self._edge, each.name)
+                    )
+            question.close()
+            return
+
+        def made() -> tuple[Mission, StartAsk]:
+            ask = _start_ask(question)
+            return self._missions.asked(name, ask), ask
+
+        began = partial(self._answer_started, name, question)
+        if do == "rehearse":
+            self._starts.check(made, partial(self._rehearsals.begin, question), began)
+        else:
+            self._starts.begin(made, Transport.BUS, began)
+
+    def _answer_started(
+        self, name: str, question: Query, run: str, roles: Mapping[str, Sequence[str]], refusal: str
+    ) -> None:
+        """Answer whether a run was started, with its robots."""
+        started = Started(run, {role: list(robots) for role, robots in roles.items()}, refusal)
+        question.answer(_encode(started), keys.mission(self._edge, name))
+
+    # -- runs ----------------------------------------------------------------------------------------
+
+    def _run(self, question: Query) -> None:
+        """Take a question for a run; on the bus's thread."""
+        self._soon(partial(self._answer_run, question, question.asked.rpartition("/")[2]))
+
+    def _answer_run(self, question: Query, run: str) -> None:
+        """Answer with states, or control a run."""
+        if not question.payload:
+            self._answer_states(question, run)
+            return
+        key = keys.run(self._edge, run)
+
+        def told(refusal: str) -> None:
+            question.answer(_encode(Controlled(refusal)), key)
+
+        try:
+            ask = decode_json(question.payload, ControlAsk)
+        except msgspec.DecodeError as error:
+            told(str(error))
+            return
+        if ask.do == "log":
+            self._store.story(run, partial(self._answer_story, question, run))
+            return
+        if ask.do == "results":
+            self._results.answer(question, key, run)
+            return
+        refusal = console_refusal(question, Permission.OPERATE)
+        told(refusal) if refusal else self._runs.control(run, ask, told)
+
+    def _answer_story(self, question: Query, run: str, story: list[Told]) -> None:
+        """Answer with a run's story; none of a run that is another edge's."""
+        if story:
+            question.reply(_encode(story), keys.run(self._edge, run))
+        question.close()
+
+    def _answer_states(self, question: Query, run: str) -> None:
+        """Answer with the states of runs that are wanted: those under way, then those that ended."""
+        active = self._runs.states()
+        for state in active:
+            if "*" in run or state.run == run:
+                question.reply(_encode(state), keys.run(self._edge, state.run))
+        shown = {state.run for state in active}
+
+        def ended(found: list[tuple[About, Head, list[Member]]]) -> None:
+            for about, head, members in found:
+                if about.run not in shown and ("*" in run or about.run == run):
+                    state = ended_state(about, head, members, self._edge)
+                    question.reply(_encode(state), keys.run(self._edge, about.run))
+            question.close()
+
+        self._store.ended(SHOWN, ended)
+
+
+def _start_ask(question: Query) -> StartAsk:
+    """Return the start that a question asks for; raises Refused, DecodeError."""
+    if "*" in question.asked:
+        raise Refused("a mission is started on one edge", hint="name the edge and the mission")
+    if len(question.payload) > LARGEST:
+        raise Refused(f"the mission is larger than {LARGEST >> 20} MiB")
+    ask = decode_json(question.payload, StartAsk)
+    if ask.run:
+        check_run_id(ask.run)
+    needed = Permission.OPERATE if ask.mission is None else Permission.ADMIN
+    if refusal := console_refusal(question, needed):
+        raise Refused(refusal)
+    return ask

@@ -1,0 +1,132 @@
+"""The goals of one robot: admitted, begun, paused, resumed and stopped; led by its adapter or by the host."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import partial
+
+from fleet.clock import Clock
+from fleet.errors import Refused
+from fleet.host.follow.goal_follower import LEASE, GoalNavigator, goal_follower_of, goal_navigator
+from fleet.host.requests.last_command import LastCommand
+from fleet.host.requests.receipt import Receipt
+from fleet.host.robot.adapter_factory import Capabilities
+from fleet.host.robot.attached_adapter import AttachedAdapter
+from fleet.host.robot.motion_guard import MotionGuard
+from fleet.host.robot.robot_motion import RobotMotion
+from fleet.host.safety.admission import Admission
+from fleet.host.safety.dedup_cache import DedupCache
+from fleet.model.command import Command
+from fleet.model.geometry import Velocity
+from fleet.model.navigation import AnyTask, Control, Navigate
+from fleet.robot_config import AdapterConfig, Limits
+
+
+class GoalRequests:
+    """Takes goals, and controls of the running action.
+
+    ``can`` tells what the robot is able to do now, ``stop`` takes a stop, ``repeats`` knows the requests
+    that were answered before. ``follower`` leads a robot that does not navigate by itself.
+    """
+
+    def __init__(
+        self,
+        config: AdapterConfig,
+        limits: Limits,
+        clock: Clock,
+        attached: AttachedAdapter,
+        motion: RobotMotion,
+        *,
+        admission: Admission,
+        guard: MotionGuard,
+        can: Callable[[], Capabilities],
+        stop: Callable[[Command, Receipt], None],
+        repeats: DedupCache[Receipt],
+        last: LastCommand,
+    ) -> None:
+        self._attached = attached
+        self._motion = motion
+        self._navigator = motion.navigator
+        self._admission = admission
+        self._guard = guard
+        self._can = can
+        self._stop = stop
+        self._repeats = repeats
+        self._last = last
+        self._clock = clock
+        self.follower = goal_follower_of(
+            config, self._lead, limits, clock, guard.others.of, holonomic=lambda: can().moves_any_way
+        )
+
+    def take(self, ask: Navigate, receipt: Receipt) -> None:
+        """Take a goal, or a control of the running action."""
+        statuses = self._navigator.statuses
+        if isinstance(ask.ask, Control):
+            receipt.watch(partial(statuses.controlled, ask))
+            self._control(ask, ask.ask, receipt)
+            return
+        if statuses.repeated(ask.action_id, receipt):
+            return
+        refusal = self._admission.navigate(ask) or self.unable(ask.ask)
+        leader, adapter = self._leader(), self._attached.reachable
+        if refusal is not None or adapter is None or leader is None:
+            receipt.reject(refusal := refusal or self._attached.absence)
+            statuses.refuse(ask, refusal, receipt)
+            return
+        self._motion.end_driving(adapter)
+        self._motion.begin(ask)
+        receipt.accept()
+        self._last.follow(ask.name, receipt)
+        receipt.watch(self._guard.obeyed)
+        self._navigator.start(leader, ask, ask.ask, receipt)
+
+    def unable(self, task: AnyTask) -> str | None:
+        """Return why the robot would not begin a task now, whoever asks for it; None when it would."""
+        can, moving = self._can(), self._motion.executor.moving
+        busy = f"busy with {moving}" if moving else None
+        refusal = can.cannot(task) or self._guard.task(task) or busy
+        if refusal is not None or self._attached.offline or self._leader() is not None:
+            return refusal
+        return f"{self._attached.name} does not navigate" + ": it has told no pose" * can.drives
+
+    def _leader(self) -> GoalNavigator | None:
+        """Return who leads the robot to a goal: its adapter, or the host; None when neither can."""
+        can = self._can()
+        return goal_navigator(
+            self._attached.adapter, self.follower, navigates=can.navigates, drives=can.drives
+        )
+
+    def _lead(self, velocity: Velocity) -> None:
+        """Drive on behalf of the host's own follower; raises Refused once the robot must stand."""
+        refusal, adapter = self._admission.motion(), self._attached.reachable
+        if refusal is not None or adapter is None:
+            raise Refused(refusal or self._attached.absence)
+        self._motion.driving.hold(adapter, velocity, LEASE)
+
+    def _control(self, ask: Navigate, control: Control, receipt: Receipt) -> None:
+        """Stop, pause or resume the running action; a stop and a pause are never a repeat."""
+        if control is Control.STOP:
+            self._stop(Command("stop", origin=ask.origin, stamp=ask.stamp), receipt)
+        elif control is Control.PAUSE and self._navigator.pause():
+            self._motion.stand("pause", receipt)
+        elif control is Control.PAUSE:
+            receipt.reject("there is no action to pause")
+        else:
+            self._resume(ask, receipt)
+
+    def _resume(self, ask: Navigate, receipt: Receipt) -> None:
+        """Go on with the paused action, once for each message that asks it."""
+        if not self._navigator.statuses.knows(ask.action_id):
+            identity = ask.action_id and f"resume {ask.action_id}"
+            first = self._repeats.first(identity, receipt, self._clock.monotonic())
+            if first is not None:
+                receipt.follow(first)
+                return
+        refusal = self._admission.navigate(ask) or self._guard.task(self._navigator.ahead)
+        leader = self._leader()
+        if refusal is not None or leader is None or self._attached.offline:
+            receipt.reject(refusal or self._attached.absence)
+        elif self._navigator.resume(leader):
+            receipt.done()
+        else:
+            receipt.reject("there is no paused action")

@@ -1,0 +1,174 @@
+"""Reads the messages to one robot, on any thread, and brings what they ask to its controller, on the loop."""
+
+from __future__ import annotations
+
+import asyncio
+import contextvars
+from collections.abc import Callable
+from functools import partial
+
+from fleet.clock import Clock
+from fleet.errors import WireError
+from fleet.host.requests.decode import Ask, RequestDecoder, is_discrete, is_stop, max_wait, reply_with_flaw
+from fleet.host.requests.event_reporter import request_of, requester_of, robot_log, with_proof
+from fleet.host.requests.history_recorder import HistoryRecorder
+from fleet.host.requests.receipt import Receipt
+from fleet.host.requests.stop_cause import StopCause
+from fleet.host.robot.controller import RobotController
+from fleet.host.robot.distance_moves import goal_of
+from fleet.model.command import Answer, Command, Origin, Reply, Request, Transport
+from fleet.model.navigation import ActionState
+from fleet.model.report import NavigationReport
+from fleet.robot_config import AdapterConfig
+from fleet.runtime.rate_limited_counter import RateLimitedCounter
+from fleet.wire.rules import Kind
+from fleet.wire.stops import EMERGENCY
+
+
+class RequestIntake:
+    """The way of a request from its bytes to the robot's controller, and into the history.
+
+    ``changed`` hears by name that the robot's state has changed beyond what its controller reports.
+    ``arrival`` returns since when (monotonic s) a message may have waited for the loop, ``home_altitude`` the
+    robot's home as far as it is known. ``context`` is the robot's, which its controller runs in. ``in_use``:
+    the robot was moved through this edge, which has kept it since.
+    """
+
+    def __init__(
+        self,
+        config: AdapterConfig,
+        controller: RobotController,
+        *,
+        clock: Clock,
+        publish: Callable[[NavigationReport], None],
+        changed: Callable[[str], None],
+        recorder: HistoryRecorder,
+        arrival: Callable[[], float],
+        home_altitude: Callable[[], float | None],
+        context: contextvars.Context,
+    ) -> None:
+        self._config = config
+        self._controller = controller
+        self._clock = clock
+        self._publish = publish
+        self._changed = changed
+        self._recorder = recorder
+        self._arrival = arrival
+        self._context = context
+        self._loop = asyncio.get_running_loop()
+        self._log = robot_log(config.name)
+        self._refusals = RateLimitedCounter(self._log, clock)
+        self._decoder = RequestDecoder(
+            config,
+            controller.speeds.of,
+            planar=controller.can.limits.vertical_speed is None,
+            home_altitude=home_altitude,
+        )
+        self.in_use = False
+
+    def configure(self, config: AdapterConfig) -> None:
+        """Judge by another configuration how long a request may wait."""
+        self._config = config
+
+    def read(
+        self,
+        kind: Kind,
+        payload: bytes,
+        *,
+        way: Transport,
+        request_id: str = "",
+        waits: bool = False,
+        unread: str = "",
+        proven: bool = False,
+    ) -> Request | None:
+        """Read a message, from any thread; an emergency stop halts and latches there and then.
+
+        What is returned takes the message, on the loop: it stops, obeys, answers and records. The answers
+        are the receipt, and the end when the asker waits. None for a reply, which asks nothing. What waits
+        too long for a loop that is held up is refused. ``unread``: why the payload must not be read;
+        ``proven``: the sender's name is known to be true.
+        """
+        arrived = self._arrival()
+        try:
+            ask = self.ask_of(kind, payload, way=way, request_id=request_id, unread=unread)
+        except WireError as error:
+            name, action_id = getattr(error, "command", "") or kind, getattr(error, "action_id", "")
+            return Request(partial(self._refuse, kind, way, name, action_id, str(error)))
+        if ask is None:
+            return None
+        ask = with_proof(ask) if proven else ask
+        if ask.name == EMERGENCY:
+            self._stop_at_once(ask.origin, request_of(ask))
+        return Request(partial(self.take, kind, ask, waits, arrived), is_stop(ask), is_discrete(ask))
+
+    def ask_of(
+        self, kind: Kind, payload: bytes, *, way: Transport, request_id: str, unread: str = ""
+    ) -> Ask | None:
+        """Return what a message asks of the robot, None for a reply; raises WireError."""
+        ask = self._decoder.decode(kind, payload, way=way, request_id=request_id, unread=unread)
+        return goal_of(ask, self._controller.can, self._controller.speeds.of)
+
+    def take(self, kind: Kind, ask: Ask, waits: bool, arrived: float, answer: Answer) -> None:  # noqa: FBT001 - by position
+        """Bring a request to the controller, unless it is late; no stamp: as old as its arrival."""
+        if isinstance(ask, Command) and ask.flaw:
+            self._refusals.add("flawed", "took a message that was refused for %s: %s", ask.name, ask.flaw)
+            answer = reply_with_flaw(answer, ask.flaw)
+        receipt = Receipt(ask.name, answer, waits=waits)
+        waited = self._clock.monotonic() - arrived
+        if waited <= max_wait(ask, self._config):
+            self.begin(ask, receipt)
+            return
+        self._recorder.asked(ask, receipt)
+        why = f"it waited up to {waited:.1f} s: the edge was held up"
+        self._refusals.add("late", "refused %s: %s", ask.name, why)
+        receipt.reject(why)
+        self._report_failed(kind, getattr(ask, "action_id", ""), why)
+
+    def begin(self, ask: Ask, receipt: Receipt) -> None:
+        """Bring a request to the robot's controller, and record it; on the loop."""
+        self._recorder.asked(ask, receipt)
+        self._context.run(self._controller.receive, ask, receipt)
+        self.in_use = self.in_use or self._controller.motion.in_control
+
+    def log_refusal(self, reply: Reply) -> None:
+        """Log that a setpoint was refused which was published on the bus: nobody waits for its answer."""
+        if not reply.ok:
+            self._refusals.add("setpoint", "refused a setpoint of the bus: %s", reply.reason)
+
+    def follow_emergency(self, cause: StopCause) -> None:
+        """Have the loop follow an emergency stop with the adapter's own stop; from any thread."""
+        self._loop.call_soon_threadsafe(self._follow_emergency, cause)
+        self._recorder.stopped(cause)
+
+    def _follow_emergency(self, cause: StopCause) -> None:
+        """Let the adapter bring the robot to its own standstill."""
+        asker = cause.asker
+        ask = Command(EMERGENCY, origin=Origin(asker.way, session=asker.name or cause.why), id=cause.request)
+        receipt = Receipt(EMERGENCY, lambda _: None)
+        self._recorder.followed(cause, receipt)
+        self._controller.receive(ask, receipt)
+        self._changed(self._controller.name)
+
+    def _refuse(  # noqa: PLR0917 - by position
+        self, kind: Kind, way: Transport, name: str, action_id: str, why: str, answer: Answer
+    ) -> None:
+        """Refuse a message that cannot be read; of the error nothing is kept that holds the message."""
+        self._refusals.add(kind, "refused a %s message: %s", kind, why)
+        receipt = Receipt(name, answer)
+        self._recorder.unread(kind, Origin(way), receipt)
+        receipt.reject(why)
+        self._report_failed(kind, action_id, why)
+
+    def _stop_at_once(self, origin: Origin, request: str) -> None:
+        """Latch and halt, on whatever thread; when that fails, the loop still stops the orderly way."""
+        try:
+            self._controller.emergency(StopCause(requester_of(origin)).why)
+        except Exception:  # noqa: BLE001 - logged: the stop that follows on the loop does not depend on it
+            self._log.exception("the emergency stop did not go through at once")
+        self._recorder.emergency(origin, request)
+
+    def _report_failed(self, kind: Kind, action_id: str, why: str) -> None:
+        """Report a goal or a mission that could not be read as failed, by its id where it had one."""
+        if kind in ("navigate", "mission"):
+            step = 0 if kind == "mission" else None
+            self._publish(NavigationReport(self._clock.time(), action_id, ActionState.FAILED, 0.0, why, step))

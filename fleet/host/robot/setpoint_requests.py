@@ -1,0 +1,72 @@
+"""The streams that move one robot: velocities and joint targets, admitted and handed to what holds them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+from fleet.adapter import Adapter
+from fleet.host.requests.last_command import LastCommand
+from fleet.host.requests.receipt import Receipt
+from fleet.host.robot.adapter_factory import Capabilities
+from fleet.host.robot.attached_adapter import AttachedAdapter
+from fleet.host.robot.robot_motion import RobotMotion
+from fleet.host.safety.admission import Admission
+from fleet.model.command import JointSetpoint, Setpoint
+
+
+class SetpointRequests:
+    """Takes the setpoints of one robot; ``can`` tells what the robot is able to do now."""
+
+    def __init__(
+        self,
+        attached: AttachedAdapter,
+        motion: RobotMotion,
+        admission: Admission,
+        *,
+        can: Callable[[], Capabilities],
+        last: LastCommand,
+    ) -> None:
+        self._attached = attached
+        self._motion = motion
+        self._admission = admission
+        self._can = can
+        self._last = last
+
+    def velocity(self, ask: Setpoint, receipt: Receipt) -> None:
+        """Take a velocity: the newest wins, at once; a zero that comes late ends motion, and no more."""
+        untimely = self._admission.is_untimely_zero(ask)
+        judge = self._admission.untimely_zero if untimely else self._admission.setpoint
+        adapter = self._adapter_for(self._can().refusal(ask.velocity) or judge(ask), receipt)
+        if adapter is None:
+            return
+        motion = self._motion
+        if untimely:
+            if motion.under_way:  # end it, all keys included; one that stands is told nothing
+                motion.navigator.cancel("teleoperation took over")
+                motion.driving.stand(adapter)
+            receipt.done()
+            return
+        superseding = motion.under_way
+        motion.begin(ask)
+        motion.navigator.cancel("teleoperation took over")
+        if motion.driving.take(adapter, ask, receipt, superseding=superseding):
+            self._last.accepted(ask.name)
+
+    def joints(self, ask: JointSetpoint, receipt: Receipt) -> None:
+        """Take joint targets: each joint has its newest, until its lease runs out."""
+        adapter = self._adapter_for(self._can().joint_refusal or self._admission.joints(ask), receipt)
+        if adapter is not None:
+            self._motion.begin(ask)
+            if self._motion.driving.joints.take(ask, receipt):
+                self._last.accepted(ask.name)
+
+    def _adapter_for(self, refusal: str | None, receipt: Receipt) -> Adapter[Any] | None:
+        """Return the adapter that takes a setpoint; None when it is refused, for this or another reason."""
+        moving, adapter = self._motion.executor.moving, self._attached.reachable
+        if refusal is None and moving:
+            refusal = f"busy with {moving}; send stop first"
+        if refusal is not None or adapter is None:
+            receipt.reject(refusal or self._attached.absence)
+            return None
+        return adapter

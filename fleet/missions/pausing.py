@@ -1,0 +1,92 @@
+"""Pauses one run and lets it go on: where it was paused, what holds meanwhile, what has changed since."""
+
+from __future__ import annotations
+
+from fleet.missions.facts import Seen
+from fleet.missions.program import Program
+from fleet.missions.run_robots import RunRobots
+from fleet.missions.state import Head, Hold, Occupy, Pause, Phase, Resume, required
+from fleet.missions.steps import Steps
+
+PAUSABLE = frozenset({"goto", "path", "plan", "follow"})
+"""What leads a robot somewhere: it can be paused, and gone on with; any other command ends by itself."""
+
+
+class Pausing:
+    """The pauses of one run; ``now`` is the time of the event that is being handled."""
+
+    def __init__(self, program: Program, head: Head, robots: RunRobots, seen: Seen, steps: Steps) -> None:
+        self._program = program
+        self._head = head
+        self._robots = robots
+        self._seen = seen
+        self._steps = steps
+
+    @property
+    def _now(self) -> float:
+        """The time of the event that is being handled."""
+        return self._steps.losses.now
+
+    def pause(self, event: Pause) -> None:
+        """Let robots hold, and note where they are left; all do where one of them does not go on."""
+        head = self._head
+        if event.robot:
+            self._robots.note(event.reason, event.robot, self._steps.name)
+        if head.phase not in (Phase.STEP, Phase.WAITING, Phase.ASKING):
+            return
+        self.begin()
+        why = f"The run stays paused for {event.robot}" if event.robot else ""
+        self._robots.note(why or f"{event.by or 'Somebody'} paused the run", step=self._steps.name)
+        for member in self._robots.within():
+            member.paused_at = self._seen.position(member.robot)
+            self._robots.touched[f"member {member.robot}"] = member
+        self._hold(resumes=False, without=event.robot)
+
+    def begin(self) -> None:
+        """Be paused from now on; a run that is paused already stays so."""
+        head = self._head
+        if head.phase is not Phase.PAUSED:
+            head.paused_from, head.paused_at, head.phase = head.phase, self._now, Phase.PAUSED
+
+    def resume(self, event: Resume, *, confirmed: bool = False) -> None:
+        """Go on with a run that was paused, unless something has changed that a person should know."""
+        head = self._head
+        if head.phase is not Phase.PAUSED:
+            return
+        asking = head.question is not None and head.question.about != "resume"
+        trouble = "" if confirmed or asking else self._change()
+        if trouble:
+            self._steps.losses.ask(f"{trouble}. Go on all the same?", "resume")
+            return
+        head.phase, paused = head.paused_from, self._now - head.paused_at
+        head.until += paused
+        head.question = head.question if asking else None
+        for part in self._robots.active():
+            part.until += paused
+            self._robots.touched[part.identity] = part
+        self._robots.note(f"{event.by or 'Somebody'} let the run go on", step=self._steps.name)
+        self._hold(resumes=True)
+        self.go_on_between()
+        self._steps.look()
+
+    def go_on_between(self) -> None:
+        """Go on between two steps, or before the first."""
+        if self._head.phase is Phase.OCCUPYING:
+            self._robots.effects.append(Occupy())
+        elif self._head.phase in (Phase.NEW, Phase.FILLING, Phase.PREPARING):
+            self._steps.go_on()
+
+    def _hold(self, *, resumes: bool, without: str = "") -> None:
+        """Pause what leads robots somewhere, or let it go on."""
+        for part in self._robots.active("do"):
+            if part.act.verb in PAUSABLE and part.robot != without:
+                self._robots.effects.append(Hold(part, resumes))
+
+    def _change(self) -> str:
+        """Return what has changed since the pause; empty when nothing has."""
+        for member in self._robots.within():
+            trouble = self._seen.lacks(member.robot, required(self._program, self._head))
+            trouble = trouble or self._seen.moved(member.robot, member.paused_at)
+            if trouble:
+                return f"{member.robot}: {trouble}"
+        return ""

@@ -1,0 +1,163 @@
+"""What got worse on an edge: part by part, whatever its health as a whole says."""
+
+import msgspec
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from fleet.health.aggregate import edge_health
+from fleet.model.health import Health, Level, degraded
+from fleet.model.state import EdgeState, RobotState
+from fleet.rollout.faults import CLOUD, EDGE, WORSE, Fault, faults_of, got_worse
+
+WORDS = [level.word for level in Level]
+
+
+def robot(name, health="ok", cause="", edge="yard-1"):
+    return RobotState(name, "", "bot", edge, 0.0, health=health, cause=cause)
+
+
+def edge(**fields):
+    return EdgeState("yard-1", "0.2.0", 0.0, 1.0, **fields)
+
+
+def test_a_fault_that_takes_the_place_of_another_is_worse_though_the_edge_is_as_healthy_as_before():
+    before = [robot("rex", "degraded", "battery 9 %"), robot("max")]
+    after = [robot("rex"), robot("max", "degraded", "motor 3 is hot")]
+    whole = [edge_health(states, ()).level for states in (before, after)]
+    assert whole == [Level.DEGRADED, Level.DEGRADED]
+    told = got_worse(faults_of(edge(health="degraded"), before), faults_of(edge(health="degraded"), after))
+    assert told == ("max is degraded, was ok: motor 3 is hot",)
+
+
+@pytest.mark.parametrize(
+    ("before", "after", "told"),
+    [
+        (("ok", ""), ("offline", "silent"), "rex is offline, was ok: silent"),
+        (("degraded", "battery"), ("offline", "silent"), "rex is offline, was degraded: silent"),
+        (("degraded", "battery"), ("degraded", "hot"), "rex is degraded for another cause than before: hot"),
+        (("degraded", "battery 9.5 %"), ("degraded", "battery 8 %"), ""),
+        (("offline", "silent for 300 s"), ("offline", "starting"), ""),
+        (("offline", "silent"), ("fault", "no such file"), "rex is fault, was offline: no such file"),
+        (("offline", "silent"), ("degraded", "battery"), ""),
+        (("fault", "quarantined"), ("fault", "ValueError: x"), ""),
+        (("fault", "quarantined"), ("offline", "starting"), ""),
+        (("fault", "quarantined"), ("ok", ""), ""),
+    ],
+)
+def test_a_robot_fails_a_bundle_only_when_it_is_worse_than_before(before, after, told):
+    faults = [faults_of(edge(), [robot("rex", *state)]) for state in (before, after)]
+    assert got_worse(*faults) == ((told,) if told else ())
+
+
+def test_a_robot_that_is_new_must_be_well_and_one_that_is_gone_counts_no_more():
+    was = faults_of(edge(), [robot("rex", "fault", "x")])
+    assert got_worse(was, faults_of(edge(), [robot("ada")])) == ()
+    assert got_worse(was, faults_of(edge(), [robot("ada", "offline", "silent")])) == (
+        "ada is offline, was ok: silent",
+    )
+
+
+def test_each_problem_of_the_edge_itself_counts_by_its_own():
+    before = faults_of(edge(health="degraded", problems=["the disk has 90 MB left"]), ())
+    assert got_worse(before, faults_of(edge(problems=["the disk has 80 MB left"]), ())) == ()
+    both = edge(health="degraded", problems=["the disk has 80 MB left", "no port 9100"])
+    assert got_worse(before, faults_of(both, ())) == ("the edge is degraded, was ok: no port 9100",)
+
+
+def test_a_cloud_that_was_not_reached_before_may_be_so_in_other_words():
+    away = [
+        faults_of(edge(cloud=state, cloud_cause=f"cloud {state}: {why}", health="degraded"), ())
+        for state, why in (("connecting", "no answer"), ("disconnected", "no route"))
+    ]
+    assert got_worse(*away) == ()
+    refused = faults_of(edge(cloud="refused", cloud_cause="cloud refused: bad user", health="fault"), ())
+    assert got_worse(away[0], refused) == ("the cloud is fault, was offline: cloud refused: bad user",)
+    assert got_worse(refused, away[0]) == ()
+
+
+def test_an_older_edge_that_does_not_tell_its_problems_is_compared_by_its_health():
+    assert faults_of(edge(health="degraded", cause="no port 9100"), [robot("rex")]) == (
+        Fault(EDGE, "degraded", "no port 9100"),
+    )
+    explained = edge(health="degraded", cause="rex offline: silent")
+    assert faults_of(explained, [robot("rex", "offline", "silent")]) == (Fault("rex", "offline", "silent"),)
+
+
+def test_robots_of_other_edges_on_the_bus_do_not_count():
+    assert faults_of(edge(), [robot("rex", "fault", "x", edge="yard-2")]) == ()
+
+
+def test_an_edge_tells_what_the_comparison_needs():
+    """That the words of the edge's own health are found again as its problems."""
+    problems = ["no port 9100", "history: disk full"]
+    health = edge_health((), map(degraded, problems))
+    told = edge(health=health.level.word, cause=health.cause, problems=problems)
+    assert faults_of(told, ()) == tuple(Fault(EDGE, "degraded", each) for each in problems)
+
+
+def test_the_table_has_every_pair_of_levels():
+    assert all(set(WORSE[before]) == set(Level) for before in Level)
+
+
+causes = st.sampled_from(["silent for 3 s", "silent for 17.5 s", "battery", "quarantined after 3 crashes"])
+faults = st.builds(Fault, st.sampled_from(["rex", "max", CLOUD, EDGE]), st.sampled_from(WORDS[1:]), causes)
+
+
+def one_a_part(found):
+    """Return the first fault of each part; the edge itself may have several."""
+    kept = {fault.part if fault.part != EDGE else (EDGE, fault.cause[:6]): fault for fault in found}
+    return tuple(kept.values())
+
+
+snapshots = st.lists(faults, max_size=8).map(one_a_part)
+
+
+@given(snapshot=snapshots)
+def test_what_stays_as_it_is_is_never_worse(snapshot):
+    assert got_worse(snapshot, snapshot) == ()
+    assert got_worse(snapshot, ()) == ()
+
+
+@given(before=snapshots, after=snapshots)
+def test_whatever_was_well_before_and_is_not_is_worse(before, after):
+    ill = {fault.part for fault in before}
+    new = [fault for fault in after if fault.part not in ill]
+    told = got_worse(before, after)
+    assert all(f"{each.part} is {each.level}, was ok: {each.cause}" in told for each in new)
+
+
+@given(before=snapshots, after=snapshots, part=st.sampled_from(["rex", "max", CLOUD]))
+def test_no_part_is_judged_by_another(before, after, part):
+    def of(snapshot):
+        return tuple(fault for fault in snapshot if fault.part == part)
+
+    alone = got_worse(of(before), of(after))
+    assert tuple(line for line in got_worse(before, after) if line.startswith(f"{part} ")) == alone
+
+
+@given(before=snapshots, level=st.sampled_from(WORDS[1:]))
+def test_a_part_with_a_milder_level_than_before_is_not_worse(before, level):
+    after = tuple(
+        msgspec.structs.replace(fault, level=level)
+        if WORDS.index(level) < WORDS.index(fault.level)
+        else fault
+        for fault in before
+    )
+    assert got_worse(before, after) == ()
+
+
+@given(before=snapshots, number=st.integers(0, 10**6))
+def test_figures_in_a_cause_change_nothing(before, number):
+    after = tuple(
+        msgspec.structs.replace(
+            fault, cause="".join(str(number) if each.isdigit() else each for each in fault.cause)
+        )
+        for fault in before
+    )
+    assert got_worse(before, after) == ()
+
+
+def test_health_words_that_are_not_known_count_as_the_worst():
+    was = faults_of(edge(), [robot("rex", Health().level.word)])
+    assert got_worse(was, (Fault("rex", "molten", "?"),)) == ("rex is molten, was ok: ?",)
