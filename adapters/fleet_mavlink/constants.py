@@ -171,7 +171,7 @@ def result_name(result: int) -> str:
 
 
 def mode_names(enumeration: str, own: Mapping[int, str] = MappingProxyType({})) -> Mapping[int, str]:
-    """Return the modes of an ArduPilot vehicle by number; ``own``: those that it calls otherwise."""
+    """Return the modes of an ArduPilot vehicle by number; ``own`` overrides the dialect's names."""
     names = {
         int(number): entry.name.removeprefix(f"{enumeration}_")
         for number, entry in dialect.enums[enumeration].items()

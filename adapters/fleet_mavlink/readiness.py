@@ -54,7 +54,7 @@ def checks(
     fix, troubles = state.fix_now(now), position_troubles(state, now)
     satellites = "" if fix is None or fix.satellites is None else f", {fix.satellites} satellites"
     percent = state.battery.percent
-    sentences = [said for said in sentences if said.severity <= WARNING]  # of what is switched off, too
+    sentences = [said for said in sentences if said.severity <= WARNING]  # less severe: disabled checks
     passed = state.prearm_ok and not _is_refused(sentences, asked, now)
     return [
         Check("satellites", None if fix is None else True, (f"{fix.kind} fix{satellites}",) if fix else ()),

@@ -90,9 +90,12 @@ class Vehicle:
 
     @property
     def holding(self) -> Brake | None:
-        """What brakes it best, None for what is not moved here; of one that is not heard little is known."""
+        """The best way to brake the vehicle, None if it is not controlled here.
+
+        Without a connection, its last telemetry is disregarded: it may move differently by now.
+        """
         state = self.state
-        if not self.connected:  # it is elsewhere, and may fly otherwise, by now
+        if not self.connected:
             flies = 0 if state.vtol_state == 0 else None
             state = msgspec.structs.replace(state, vtol_state=flies, position_at=-math.inf)
         flavour = flavour_of(state.heartbeat, state) if state.heartbeat else None

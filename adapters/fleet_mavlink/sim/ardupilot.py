@@ -27,7 +27,7 @@ _RELATIVE_FRAMES = frozenset({3, 6, 10, 11})
 _AMSL_FRAMES = frozenset({0, 5})
 _STOP = (0.0, 0.0, 0.0)
 _LANDED_DISARM = 2.0
-_CHECKS_EVERY = 1.0  # s; RUN_PREARM_CHECKS tells what it finds, and does not change the bit
+_CHECKS_EVERY = 1.0  # s; RUN_PREARM_CHECKS reports its findings without changing the bit
 _PREARM_EVERY = 30.0
 _PREARM_BIT, _GPS_BIT, _RC_BIT = 0x10000000, 0x20, 0x10000
 

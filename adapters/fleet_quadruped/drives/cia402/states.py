@@ -33,8 +33,8 @@ class DriveGoal(enum.StrEnum):
     RESET = "reset"
 
 
-# The same tables are in ``canopen.profiles.p402``, whose import takes 0.1 s: too long for what looks at a
-# description of drives only. A test compares them.
+# Copies of the tables in ``canopen.profiles.p402``: importing it takes 0.1 s, too long for programs that only
+# read the description. A test compares both.
 _LOOSE: Mapping[int, DriveState] = MappingProxyType(
     {
         0x00: DriveState.NOT_READY,
