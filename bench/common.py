@@ -68,7 +68,7 @@ def mosquitto(port=0):
             yield port
 
 
-def at_once(pid=0):
+def set_realtime(pid=0):
     """Give a single-threaded process, or with 0 this thread alone, real-time priority (SCHED_RR).
 
     The measuring process and the broker are not part of what is measured, and time that they wait for a
@@ -79,7 +79,7 @@ def at_once(pid=0):
 
 
 @contextlib.contextmanager
-def awake():
+def without_deep_sleep():
     """Keep idle processors out of deep sleep states, as cyclictest does, if permitted.
 
     Waking from one takes a quarter of a millisecond on some machines, and the less load there is, the deeper
@@ -116,14 +116,14 @@ class Fleet:
         self.runtime = runtime
         self.began = time.monotonic()
         self._supervisor = psutil.Process(running.pid)
-        self.well = {}
+        self.healthy_at = {}
         threading.Thread(target=self._read, args=(running.stdout,), daemon=True).start()
 
     def _read(self, lines):
         for text in lines:
             state = json.loads(text)
             if state["health"] == "ok":
-                self.well.setdefault(state["name"], time.monotonic() - self.began)
+                self.healthy_at.setdefault(state["name"], time.monotonic() - self.began)
 
     @property
     def pid(self):
@@ -131,10 +131,10 @@ class Fleet:
         wait_for(self._supervisor.children)
         return self._supervisor.children()[0].pid
 
-    def all_well(self, number):
+    def all_healthy(self, number):
         """Wait until ``number`` robots are healthy, and return the seconds that the first of them took."""
-        wait_for(lambda: len(self.well) >= number)
-        return min(self.well.values())
+        wait_for(lambda: len(self.healthy_at) >= number)
+        return min(self.healthy_at.values())
 
 
 @contextlib.contextmanager

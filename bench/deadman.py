@@ -31,7 +31,7 @@ def run():
     with tempfile.NamedTemporaryFile() as journal, tempfile.TemporaryFile() as timer, mosquitto() as broker:
         robots = puppets(ROBOTS, journal=journal.name)
         with fleet(robots, broker) as edge, Mqtt(broker, "operator") as operator:
-            edge.all_well(ROBOTS)
+            edge.all_healthy(ROBOTS)
             with process(sys.executable, "-c", BARE, stdout=timer):
                 for _ in range(ROUNDS):
                     drive(operator, robots[:DRIVEN])

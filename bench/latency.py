@@ -24,8 +24,6 @@ import time
 import mqtt5
 
 from bench.common import (
-    at_once,
-    awake,
     bare_client,
     fleet,
     free_port,
@@ -35,9 +33,11 @@ from bench.common import (
     process,
     quantiles,
     robot,
+    set_realtime,
     twin_of,
     vehicles,
     wait_for,
+    without_deep_sleep,
 )
 
 ROUNDS = 2
@@ -110,7 +110,7 @@ class Relay:
         threading.Thread(target=self._to_fleet, daemon=True).start()
 
     def _to_vehicle(self):
-        at_once()
+        set_realtime()
         while True:
             data, _ = self.near.recvfrom(65536)
             now = time.monotonic()
@@ -126,7 +126,7 @@ class Relay:
         self._waited_for = asked
 
     def _to_fleet(self):
-        at_once()
+        set_realtime()
         while True:
             data, self.vehicle = self.far.recvfrom(65536)
             self.near.sendto(data, ("127.0.0.1", self.fleet_port))
@@ -182,9 +182,9 @@ class Cloud:
 def run():
     hops = []
     ours, theirs = ({kind: [] for kind in KINDS} for _ in range(2))
-    with mosquitto() as broker, awake():
-        at_once()
-        at_once(listener(broker).pid)
+    with mosquitto() as broker, without_deep_sleep():
+        set_realtime()
+        set_realtime(listener(broker).pid)
         cloud = Cloud(broker)
         for _ in range(ROUNDS):
             measure_ours(cloud, broker, ours, hops)
@@ -200,7 +200,7 @@ def measure_ours(cloud, broker, taken, hops):
     relay, twin = Relay(port), twin_of("drone-1")
     robots = [robot(number, port) for number in range(1, DRONES + 1)]
     with world(relay, port), fleet(robots, broker) as edge:
-        edge.all_well(DRONES)
+        edge.all_healthy(DRONES)
         time.sleep(5)  # message rates are being requested
         cloud.send("takeoff", twin)
         wait_for(lambda: (cloud.command("move", twin, relay) or math.inf) < 0.02)

@@ -60,7 +60,7 @@ asyncio.run(main())
 """
 
 
-class Notes:
+class Arrivals:
     """Arrivals at the aircraft: (monotonic time, system ID, command ID)."""
 
     def __init__(self):
@@ -94,7 +94,7 @@ def swarm(port, notes):
     return process("nice", "-n", "19", *command)
 
 
-def price(pid):
+def cpu_per_aircraft(pid):
     """Return the processor use of a process per aircraft, in percent of a core."""
     before, began = cpu_seconds(pid), time.monotonic()
     time.sleep(SECONDS)
@@ -107,12 +107,12 @@ def measure_edge():
     Returns the processor use, then times in seconds: bare broker hops, commands to the wire, and a stop to
     the last aircraft.
     """
-    notes, port = Notes(), free_port(socket.SOCK_DGRAM)
+    notes, port = Arrivals(), free_port(socket.SOCK_DGRAM)
     robots = [robot(number, port) | {"failsafes": "ignore"} for number in range(1, AIRCRAFT + 1)]
     with mosquitto() as broker, swarm(port, notes), fleet(robots, broker) as edge:
-        edge.all_well(AIRCRAFT)
+        edge.all_healthy(AIRCRAFT)
         time.sleep(5)  # message rates are being requested
-        cost, cloud = price(edge.pid), Cloud(broker)
+        cost, cloud = cpu_per_aircraft(edge.pid), Cloud(broker)
         hops = samples(cloud.hop)
         return cost, hops, commands(cloud, notes), stop_all(edge, notes)
 
@@ -150,13 +150,13 @@ def stop_all(edge, notes):
 
 def measure_reader(program):
     """Return the processor use of a program that reads the traffic of all aircraft."""
-    notes, port = Notes(), free_port(socket.SOCK_DGRAM)
+    notes, port = Arrivals(), free_port(socket.SOCK_DGRAM)
     reader = process(sys.executable, "-c", program, str(port), str(AIRCRAFT))
     with swarm(port, notes), reader as running:
         time.sleep(8)  # mavsdk discovers systems for 4 s
         if running.poll() is not None:
             sys.exit("a reader ended: " + program.splitlines()[1])
-        return price(running.pid)
+        return cpu_per_aircraft(running.pid)
 
 
 def run():

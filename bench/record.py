@@ -20,8 +20,6 @@ import mqtt5
 
 from bench.bridge.sides import side
 from bench.common import (
-    at_once,
-    awake,
     bare_client,
     cpu_seconds,
     line,
@@ -29,7 +27,9 @@ from bench.common import (
     mosquitto,
     process,
     quantiles,
+    set_realtime,
     wait_for,
+    without_deep_sleep,
 )
 
 ROBOTS = 20
@@ -60,7 +60,7 @@ asyncio.run(edges.run())
 """
 
 
-class Taken:
+class ModeResults:
     """Measurements of one mode: command latencies in seconds by turn, and shares of a processor."""
 
     def __init__(self):
@@ -115,15 +115,15 @@ def measure(taken, running, sender, own, numbers):
 
 
 def run(sides=SIDES):
-    taken = {name: Taken() for name in sides}
+    taken = {name: ModeResults() for name in sides}
     with contextlib.ExitStack() as stack:
         port = stack.enter_context(mosquitto())
         rate = MESSAGES / CHANNELS / ROBOTS
         running = stack.enter_context(side("fleet", port, number=ROBOTS, rate=rate))
         sender = stack.enter_context(bare_client(port, "sender"))
-        stack.enter_context(awake())
-        at_once()
-        at_once(listener(port).pid)
+        stack.enter_context(without_deep_sleep())
+        set_realtime()
+        set_realtime(listener(port).pid)
         turns = [name for turn in range(TURNS) for name in (sides if turn % 2 else sides[::-1])]
         for turn, name in enumerate(turns):
             with recorder(name, running.runtime) as own:

@@ -16,7 +16,7 @@ def measure(number):
     port = free_port(socket.SOCK_DGRAM)
     robots = [robot(each, port) for each in range(1, number + 1)]
     with mosquitto() as broker, vehicles(number, to=f"127.0.0.1:{port}"), fleet(robots, broker) as edge:
-        edge.all_well(number)
+        edge.all_healthy(number)
         time.sleep(5)  # message rates are being requested
         before, began = cpu_seconds(edge.pid), time.monotonic()
         time.sleep(SECONDS)

@@ -32,4 +32,4 @@ def run():
     with mosquitto() as broker, vehicles(1, to=f"127.0.0.1:{port}"):
         time.sleep(3)  # the vehicle is up and sends a heartbeat every second, as a real one would
         with fleet([robot(1, port)], broker) as edge:
-            line("fleet run to the first robot online", f"{edge.all_well(1):.2f} s", "aim: under 2 s")
+            line("fleet run to the first robot online", f"{edge.all_healthy(1):.2f} s", "aim: under 2 s")

@@ -100,7 +100,7 @@ def measure(kind, fields, speed, begin):
     """Measure one kind of robot, each way of stopping several times."""
     robot = {"name": "robot", "twin": twin_of("robot"), **fields}
     with mosquitto() as broker, fleet([robot], broker) as edge:
-        edge.all_well(1)
+        edge.all_healthy(1)
         bus_session = join_control(BusSettings("bench"), Path(edge.runtime))
         watch = Watch(bus_session, "robot")
         time.sleep(8.0)

@@ -77,10 +77,10 @@ class Swarm:
                     self.link.sendto(self.frames[entry[1]][entry[2]], self.to)
             until = now + TICK
             while time.monotonic() < until:
-                self.hear(parser)
+                self.receive(parser)
                 time.sleep(0.0005)
 
-    def hear(self, parser):
+    def receive(self, parser):
         """Read everything that has arrived, with timestamps, before answering any of it."""
         arrived = []
         with contextlib.suppress(BlockingIOError):
@@ -90,9 +90,9 @@ class Swarm:
         for data, at in arrived:
             for message in parser.parse_buffer(data) or ():
                 if message.get_msgId() in {COMMAND_INT, COMMAND_LONG}:
-                    self.obey(message, at)
+                    self.execute(message, at)
 
-    def obey(self, message, at):
+    def execute(self, message, at):
         """Report a command, acknowledge it, and change mode."""
         system = message.target_system
         self.link.sendto(f"{at} {system} {message.command}".encode(), self.notes)

@@ -14,7 +14,7 @@ import sys
 import threading
 import time
 
-from bench.common import at_once, fleet, free_port, line, quantiles, robot, vehicles, wait_for
+from bench.common import fleet, free_port, line, quantiles, robot, set_realtime, vehicles, wait_for
 
 DRONES = 20
 ROUNDS = 20
@@ -43,7 +43,7 @@ class Relay:
         threading.Thread(target=self._out, daemon=True).start()
 
     def _in(self):
-        at_once()
+        set_realtime()
         while True:
             data, self.vehicle = self.outer.recvfrom(65536)
             try:
@@ -52,7 +52,7 @@ class Relay:
                 continue
 
     def _out(self):
-        at_once()
+        set_realtime()
         while True:
             try:
                 data = self.inner.recv(65536)
@@ -87,7 +87,7 @@ def run():
         vehicles(half, to=to[1], first_id=half + 1, prompt=True),
         fleet(robots, None, groups=groups, missions={"go": MISSION}) as running,
     ):
-        running.all_well(DRONES)
+        running.all_healthy(DRONES)
         for what, words in (("send --at", SEND), ("mission", ("mission", "run", "go"))):
             _measure(what, words, relays, running.runtime)
 

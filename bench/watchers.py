@@ -14,7 +14,7 @@ import time
 
 from bench.common import fleet, free_port, line, mosquitto, process, quantiles, robot
 from bench.latency import Cloud
-from bench.mavlink import AIRCRAFT, Notes, command, price, swarm
+from bench.mavlink import AIRCRAFT, Arrivals, command, cpu_per_aircraft, swarm
 
 COMMANDS = 1000
 WATCHERS = 2
@@ -60,7 +60,7 @@ class Side:
 @contextlib.contextmanager
 def side(watchers):
     """Run an edge with ``watchers`` stations until its message rates are set."""
-    notes, port = Notes(), free_port(socket.SOCK_DGRAM)
+    notes, port = Arrivals(), free_port(socket.SOCK_DGRAM)
     with stations(watchers) as files:
         shown = [{"link": f"udpout:127.0.0.1:{each}"} for each in files]
         robots = [
@@ -68,7 +68,7 @@ def side(watchers):
             for number in range(1, AIRCRAFT + 1)
         ]
         with mosquitto() as broker, swarm(port, notes), fleet(robots, broker) as edge:
-            edge.all_well(AIRCRAFT)
+            edge.all_healthy(AIRCRAFT)
             time.sleep(5)  # message rates are being requested
             yield Side(edge, broker, notes, files)
 
@@ -83,7 +83,7 @@ def run():
     """Measure both edges side by side and print the ratios."""
     with side(0) as bare, side(WATCHERS) as watched:
         before, began = watched.shown(), time.monotonic()
-        costs = {each: price(each.edge.pid) for each in (bare, watched)}
+        costs = {each: cpu_per_aircraft(each.edge.pid) for each in (bare, watched)}
         for number in range(COMMANDS):
             for each in (bare, watched):
                 each.taken.append(command(each.cloud, each.notes, number))

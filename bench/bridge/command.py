@@ -13,7 +13,7 @@ import time
 import mqtt5
 
 from bench.bridge.sides import SIDES, side, source
-from bench.common import at_once, awake, bare_client, line, listener, mosquitto, quantiles
+from bench.common import bare_client, line, listener, mosquitto, quantiles, set_realtime, without_deep_sleep
 
 ROUNDS = 3
 COMMANDS = 200  # per round
@@ -30,10 +30,10 @@ def measure(name):
         if name != "fleet":
             stack.enter_context(source(running, OUT))
         sender = stack.enter_context(bare_client(port, "sender"))
-        stack.enter_context(awake())
+        stack.enter_context(without_deep_sleep())
         time.sleep(2)
-        at_once()
-        at_once(listener(port).pid)
+        set_realtime()
+        set_realtime(listener(port).pid)
         sent = {}
         for number in range(1, COMMANDS + 1):
             message = {"command": "poke", "source_type": "tele", "data": {"number": number}}

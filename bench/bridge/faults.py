@@ -11,7 +11,7 @@ import contextlib
 import random
 import time
 
-from bench.bridge.sides import Ears, side, source
+from bench.bridge.sides import DurableReceiver, side, source
 from bench.common import free_port, line, listener, mosquitto
 from tests.tools.asker import Asker, counted, executed
 from tests.tools.promises import Rules, What, broken
@@ -44,18 +44,18 @@ def kills(name, number):
         broker = stack.enter_context(contextlib.ExitStack())
         broker.enter_context(mosquitto(port))
         running = stack.enter_context(side(name, port, number=TWINS))
-        with Ears(port) as ears:
-            with source(running, RATE) as said:
+        with DurableReceiver(port) as receiver:
+            with source(running, RATE) as published:
                 time.sleep(BACK)
                 for _ in range(number):
                     listener(port).kill()
                     broker.close()
                     time.sleep(chance.uniform(*AWAY))
                     broker.enter_context(mosquitto(port))
-                    ears.again()
+                    receiver.reconnect()
                     time.sleep(BACK)
-            ears.quiet()
-            return said.total, *ears.lost(said)
+            receiver.wait_until_quiet()
+            return published.total, *receiver.lost(published)
 
 
 def storm(name, commands):
@@ -70,8 +70,8 @@ def storm(name, commands):
         running = stack.enter_context(side(name, proxy.port, number=TWINS, heard_at=port))
         names = {f"puppet-{number}": twin for number, twin in enumerate(running.twins)}
         asker = stack.enter_context(contextlib.closing(Asker(port, names)))
-        ears = stack.enter_context(Ears(port))
-        with source(running, RATE) as said:
+        receiver = stack.enter_context(DurableReceiver(port))
+        with source(running, RATE) as published:
             for number in range(commands):
                 asker.ask(f"puppet-{number % TWINS}")
                 if number % RESET_EVERY == RESET_EVERY - 1:
@@ -81,20 +81,20 @@ def storm(name, commands):
                 time.sleep(PAUSE)
         if name == "fleet":
             settle(asker)
-        ears.quiet()
+        receiver.wait_until_quiet()
         did = executed(running.journal, asker.asks)
         lines = broken([*asker.events(), *did], PROMISES) if name == "fleet" else []
         reasons = collections.Counter(ask.refusal for ask in asker.asks.values() if ask.refusal)
     counts = counted(did).values()
-    return len(counts), sum(count > 1 for count in counts), reasons, ears.lost(said)[0], lines
+    return len(counts), sum(count > 1 for count in counts), reasons, receiver.lost(published)[0], lines
 
 
 def run(number=KILLS):
     number = int(number)
     commands = number * COMMANDS
     for name in ("fleet", "peer"):
-        said, lost, unordered = kills(name, number)
-        what = f"broker killed {number} times, {said} durable messages"
+        published, lost, unordered = kills(name, number)
+        what = f"broker killed {number} times, {published} durable messages"
         line(f"{what}: {name}", f"{lost} lost, {unordered} unordered", "aim: 0 lost, 0 unordered")
     for name in ("fleet", "peer"):
         done, twice, reasons, lost, lines = storm(name, commands)

@@ -10,7 +10,7 @@ import time
 
 import psutil
 
-from bench.bridge.sides import Ears, side, source
+from bench.bridge.sides import DurableReceiver, side, source
 from bench.common import free_port, line, listener, mosquitto
 from tests.tools.proxy import TcpProxy
 
@@ -47,14 +47,14 @@ def outage(thousands):
     with contextlib.ExitStack() as stack:
         stack.enter_context(mosquitto(port))
         running = stack.enter_context(side("fleet", port, rate=10.0, **size))
-        ears = stack.enter_context(Ears(port))
+        receiver = stack.enter_context(DurableReceiver(port))
         with source(running, SLOW_RATE):
             time.sleep(5)  # what the process needs to carry traffic at all does not count as growth
-        ears.quiet(1.0)
+        receiver.wait_until_quiet(1.0)
         listener(port).kill()
-        with source(running, OFFERED) as said:
+        with source(running, OFFERED) as published:
             grown = growth(running.pid, thousands * 1000 / OFFERED)
-    return grown, said.total
+    return grown, published.total
 
 
 def slow_way(name):
@@ -63,16 +63,16 @@ def slow_way(name):
         mosquitto() as port,
         TcpProxy(port, delay=ROUND_TRIP / 2) as proxy,
         side(name, proxy.port, heard_at=port) as running,
-        Ears(port) as ears,
+        DurableReceiver(port) as receiver,
         source(running, SLOW_RATE, PAD),
     ):
         grown = growth(running.pid, SLOW_SECONDS)
-        return grown, len(ears.ages) / SLOW_SECONDS
+        return grown, len(receiver.ages) / SLOW_SECONDS
 
 
 def run(thousands=THOUSANDS):
-    grown, said = outage(thousands)
-    what = f"outage at full load, {said} messages ({said / 60_000:.0f} min at 1,000 /s)"
+    grown, published = outage(thousands)
+    what = f"outage at full load, {published} messages ({published / 60_000:.0f} min at 1,000 /s)"
     line(f"{what}: memory", f"{grown:+.1f} MiB", "aim: at most +20")
     for name in ("fleet", "peer"):
         grown, rate = slow_way(name)

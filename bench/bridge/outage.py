@@ -59,7 +59,7 @@ def run(seconds=SECONDS):
             Mqtt(port, "ears", topics=[STATUS], took=heard.took),
             fleet(robots, port, folder) as edge,
         ):
-            edge.all_well(ROBOTS)
+            edge.all_healthy(ROBOTS)
             time.sleep(3)
             memory = psutil.Process(edge.pid).memory_info().rss
             listener(port).kill()
@@ -67,7 +67,7 @@ def run(seconds=SECONDS):
             grown = psutil.Process(edge.pid).memory_info().rss - memory
             psutil.Process(edge.pid).kill()
         edge = stack.enter_context(fleet(robots, port, folder))
-        edge.all_well(ROBOTS)
+        edge.all_healthy(ROBOTS)
         time.sleep(seconds / 2)
         stack.enter_context(mosquitto(port))
         began = time.monotonic()

@@ -51,7 +51,7 @@ def side(name, port, *, number=TWINS, rate=0.0, heard_at=0, workers=(), **sectio
                 for each, robot in zip(workers, robots, strict=False)
             ]
             edge = stack.enter_context(fleet(robots + more, port, folder, **listen, **sections))
-            edge.all_well(number + len(more))
+            edge.all_healthy(number + len(more))
             time.sleep(6)  # startup load
             yield Side(edge.pid, twins, bus, journal, edge.runtime)
             return
@@ -78,7 +78,7 @@ def _poked(side, port):
     return READY in side.executed()
 
 
-class Said:
+class PublishedCount:
     """Number of messages that a source has published, known once it has ended."""
 
     def __init__(self):
@@ -88,19 +88,19 @@ class Said:
 @contextlib.contextmanager
 def source(side, rate, pad=0):
     """Publish durable messages on a candidate's bus, each padded by ``pad`` bytes."""
-    said = Said()
+    published = PublishedCount()
     command = (sys.executable, "-m", "bench.bridge.source", side.bus, str(rate), str(pad), *side.twins)
     with tempfile.TemporaryFile("w+") as told:
         with process(*command, stdout=told):
-            yield said
+            yield published
         told.seek(0)
         total = told.read()
         if not total:
-            sys.exit("the source was killed before it told how much it has said")
-        said.total = int(total)
+            sys.exit("the source was killed before it printed how many it has published")
+        published.total = int(total)
 
 
-class Ears:
+class DurableReceiver:
     """Subscriber to the durable messages of all twins, and their ages."""
 
     def __init__(self, port):
@@ -108,18 +108,18 @@ class Ears:
         self._port = port
         self.mqtt = self._opened()
 
-    def again(self):
+    def reconnect(self):
         """Connect to a restarted broker."""
         self.mqtt.close()
         self.mqtt = self._opened()
 
-    def lost(self, said):
+    def lost(self, published):
         """Return how many published messages never arrived, and how many first arrived after a later one."""
         firsts = [list(dict.fromkeys(numbers)) for numbers in self.numbers.values()]
         unordered = sum(later < earlier for each in firsts for earlier, later in itertools.pairwise(each))
-        return said.total - sum(map(len, firsts)), unordered
+        return published.total - sum(map(len, firsts)), unordered
 
-    def quiet(self, seconds=3.0, within=60.0):
+    def wait_until_quiet(self, seconds=3.0, within=60.0):
         """Wait until no message has arrived for ``seconds``."""
         end, count, since = time.monotonic() + within, -1, 0.0
         while time.monotonic() < end:
@@ -150,11 +150,15 @@ def carried(name, port, heard_at, *, offered, seconds):
 
     Returns the messages received per second, the CPU per message (us), and the ages of the messages.
     """
-    with side(name, port, heard_at=heard_at) as running, Ears(heard_at) as ears, source(running, offered):
-        wait_for(lambda: ears.ages)
+    with (
+        side(name, port, heard_at=heard_at) as running,
+        DurableReceiver(heard_at) as receiver,
+        source(running, offered),
+    ):
+        wait_for(lambda: receiver.ages)
         time.sleep(2)
-        count, before, began = len(ears.ages), cpu_seconds(running.pid), time.monotonic()
+        count, before, began = len(receiver.ages), cpu_seconds(running.pid), time.monotonic()
         time.sleep(seconds)
         spent, used = time.monotonic() - began, cpu_seconds(running.pid) - before
-        ages = ears.ages[count:]
+        ages = receiver.ages[count:]
         return len(ages) / spent, used / max(1, len(ages)) * 1e6, ages

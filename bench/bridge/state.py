@@ -48,7 +48,7 @@ def measure(pid, port, twins):
 def ours(number):
     robots = puppets(number, rate=RATE)
     with mosquitto() as port, fleet(robots, port) as edge:
-        edge.all_well(number)
+        edge.all_healthy(number)
         time.sleep(6)  # startup load
         return measure(edge.pid, port, [robot["twin"] for robot in robots])
 

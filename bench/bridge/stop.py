@@ -95,7 +95,7 @@ def ours(stops, *, loaded):
         broker = stack.enter_context(mosquitto())
         listen = {"listen": [f"tcp/127.0.0.1:{port}"], "insecure": "local"}
         edge = stack.enter_context(fleet(robots, broker, bus=listen))
-        edge.all_well(ROBOTS)
+        edge.all_healthy(ROBOTS)
         time.sleep(3)
         if loaded:
             stack.enter_context(process(sys.executable, "-m", "bench.bridge.stop", "slow", str(port)))
