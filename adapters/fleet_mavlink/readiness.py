@@ -16,7 +16,7 @@ from fleet_mavlink.flight import Flight
 from fleet_mavlink.messages import CommandLong, SysStatus
 from fleet_mavlink.preconditions import require_connection
 from fleet_mavlink.remote_id import trouble_of
-from fleet_mavlink.state import VehicleState
+from fleet_mavlink.state import Fix, VehicleState
 from fleet_mavlink.texts import WARNING, Sentence
 
 _SAID_FOR = 35.0  # s; ArduPilot repeats its reasons every 30 s
@@ -52,12 +52,11 @@ def checks(
     """
     mode = flavour.mode_of(state)
     fix, troubles = state.fix_now(now), position_troubles(state, now)
-    satellites = "" if fix is None or fix.satellites is None else f", {fix.satellites} satellites"
     percent = state.battery.percent
     sentences = [said for said in sentences if said.severity <= WARNING]  # less severe: disabled checks
     passed = state.prearm_ok and not _is_refused(sentences, asked, now)
     return [
-        Check("satellites", None if fix is None else True, (f"{fix.kind} fix{satellites}",) if fix else ()),
+        _satellites(state, fix, troubles),
         Check("home", state.home is not None),
         Check("position", flavour.position_usable(state, now), troubles),  # the same text as in its health
         Check("autopilot's own checks", passed, reasons(sentences, now) if not passed else ()),
@@ -68,6 +67,14 @@ def checks(
         *_remote_id(state, now, wanted=needs_remote_id),
         Check("battery", None if percent is None else not state.failsafe, _percent_words(percent)),
     ]
+
+
+def _satellites(state: VehicleState, fix: Fix | None, troubles: tuple[str, ...]) -> Check:
+    """Return the check of the fix; unknown if there never was one: the position may have another source."""
+    if fix is None:
+        return Check("satellites", False if state.had_fix else None, troubles[:1] if state.had_fix else ())
+    count = "" if fix.satellites is None else f", {fix.satellites} satellites"
+    return Check("satellites", True, (f"{fix.kind} fix{count}",))
 
 
 def _mode_words(mode: str, flavour: Flavour) -> str:

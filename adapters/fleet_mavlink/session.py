@@ -51,7 +51,7 @@ from fleet_mavlink.streams import Streams
 from fleet_mavlink.takeoff import TakeOff
 from fleet_mavlink.texts import Sentence
 from fleet_mavlink.turns import Superseded
-from fleet_mavlink.vehicle import Vehicle, circle_of, lacking_of
+from fleet_mavlink.vehicle import Vehicle, circle_of, holding_of, lacking_of
 from fleet_mavlink.velocity_stream import PERIOD, VelocityStream
 from fleet_mavlink.wing_settings import WingSettings
 
@@ -258,7 +258,7 @@ class VehicleSession:
         streamed = flavour.mode_of(state) == flavour.external and not flavour.tries_brakes
         messages: list[MavlinkMessage] = [ned_setpoint(Vector3(), 0.0, self.vehicle.system)] * streamed
         # Zero alone is not enough: PX4 descends when the setpoints of a stuck process end.
-        best = self.vehicle.holding if reached else None
+        best = holding_of(self.vehicle) if reached else None
         if best is not None:
             pending = self.commander.turns.current
             goes_on = pending is not None and not pending.superseded  # a landing: its mode is still to come

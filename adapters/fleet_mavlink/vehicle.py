@@ -89,19 +89,6 @@ class Vehicle:
         return flavour_of(self.state.heartbeat, self.state) if self.state.heartbeat else None
 
     @property
-    def holding(self) -> Brake | None:
-        """The best way to brake the vehicle, None if it is not controlled here.
-
-        Without a connection, its last telemetry is disregarded: it may move differently by now.
-        """
-        state = self.state
-        if not self.connected:
-            flies = 0 if state.vtol_state == 0 else None
-            state = msgspec.structs.replace(state, vtol_state=flies, position_at=-math.inf)
-        flavour = flavour_of(state.heartbeat, state) if state.heartbeat else None
-        return flavour.holding(state) if flavour else None
-
-    @property
     def what(self) -> str:
         """Type and autopilot, as text."""
         beat = self.state.heartbeat
@@ -317,3 +304,16 @@ def _nothing() -> None:
 
 def _ignore(_said: object) -> None:
     """Do nothing."""
+
+
+def holding_of(vehicle: Vehicle) -> Brake | None:
+    """Return the best way to brake a vehicle, None for one that is not controlled here.
+
+    Without a connection, position and flight state count as unknown: the vehicle may have moved since.
+    """
+    state = vehicle.state
+    if not vehicle.connected:
+        flies = 0 if state.vtol_state == 0 else None
+        state = msgspec.structs.replace(state, vtol_state=flies, position_at=-math.inf)
+    flavour = flavour_of(state.heartbeat, state) if state.heartbeat else None
+    return flavour.holding(state) if flavour else None

@@ -13,7 +13,7 @@ from typing import Literal
 import msgspec
 
 from fleet.bus import keys
-from fleet.config.endpoints import Role
+from fleet.config.endpoints import PERSONS, Role
 from fleet.model.permission import Permission
 
 PROGRAM_CHANNELS = (
@@ -108,12 +108,18 @@ _NO_FRAMES = _Rule(("put",), ("fleet/*/frames/*",), "deny", flow="egress")
 """The bytes on the links are for who records: a console, or a program of the edge's own computer."""
 
 
+_START_TOKEN = _Rule(("liveliness_token",), (keys.starting("*", "*"),))
+"""Shows that who asks for a common start is there."""
+
+
 def rules_of(role: Role, name: str, edge: str, access: Access) -> tuple[_Rule, ...]:
     """Return the rules of one identity on the bus of an edge, in addition to the common ones."""
     if role == "router":
         return (_Rule(_ALL, ("**",)),)
     if role == "console":
         return _console_rules(name, access.consoles.get(name, Permission.ADMIN))
+    if role in PERSONS:
+        return _person_rules(name, PERSONS[role])
     if role == "program":
         channels = (*PROGRAM_CHANNELS, *access.channels)
         return (
@@ -147,7 +153,21 @@ def _console_rules(name: str, most: Permission) -> tuple[_Rule, ...]:
     return (
         _Rule(("query",), ("fleet/*/history", *asked, *plain)),
         *watches,
-        *((_Rule(("liveliness_token",), ("fleet/*/starts/*",)),) if plain else ()),
+        *((_START_TOKEN,) if plain else ()),
+    )
+
+
+def _person_rules(name: str, permission: Permission) -> tuple[_Rule, ...]:
+    """Return the rules of a person: keys with the own name, where the edge refuses with words.
+
+    Who may not operate tells no instant of a common start, which would set others' robots in motion.
+    """
+    asked = [keys.as_person(key, name) for key in (*_OF_CONSOLES, keys.prepare("*", "*"))]
+    together = (_Rule(("query",), (keys.starts("*"),)), _START_TOKEN)
+    return (
+        _NO_FRAMES,
+        _Rule(("query",), ("fleet/*/history", *asked)),
+        *(together if permission >= Permission.OPERATE else ()),
     )
 
 
@@ -161,8 +181,9 @@ def _worker_rules(name: str, edge: str) -> tuple[_Rule, ...]:
         _Rule(_SAY, (f"fleet/{edge}/frames/{name}",)),
         _Rule(("query",), (f"{robots}/video",)),
         _Rule(_ANSWER, (f"{robots}/command", f"{robots}/state", f"fleet/{edge}/stop", _REPORTS)),
-        _Rule(_ANSWER, (f"{robots}/command{keys.CONSOLE}", f"{robots}/description", f"fleet/{edge}/history")),
-        _Rule(_ANSWER, (f"{robots}/prepare", f"fleet/{edge}/starts", f"{own}/reload", f"{own}/hold")),
+        _Rule(_ANSWER, (f"{robots}/command{keys.ASKER}", f"{robots}/description", f"fleet/{edge}/history")),
+        _Rule(_ANSWER, (f"{robots}/prepare", f"{robots}/prepare{keys.ASKER}", f"fleet/{edge}/starts")),
+        _Rule(_ANSWER, (f"{own}/reload", f"{own}/hold")),
         _Rule((*_SAY, *_ANSWER), ("cw/*/data/commands/**",), "deny"),
     )
 

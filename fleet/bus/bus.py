@@ -8,6 +8,7 @@ import re
 from collections.abc import Iterable
 from pathlib import Path
 
+from fleet.bus.access import Access
 from fleet.bus.keys import LOCAL
 from fleet.bus.settings import (
     BusSettings,
@@ -17,14 +18,15 @@ from fleet.bus.settings import (
     zenoh_settings,
 )
 from fleet.bus.zenoh_session import ZenohSession
-from fleet.config.endpoints import is_encrypted
+from fleet.config.endpoints import PERSON, PERSONS, is_encrypted
 from fleet.errors import BusError
 
 
 class Bus:
     """The two sessions of a process; ``connect`` are the endpoints of others that they are to join.
 
-    ``consoles`` are the identities on it that are consoles, by the edge's access rules.
+    ``consoles`` are the identities on it that are consoles, and ``people`` those of persons with what they
+    may do, by the edge's access rules.
     """
 
     def __init__(
@@ -32,11 +34,13 @@ class Bus:
         reports: ZenohSession,
         control: ZenohSession,
         connect: tuple[str, ...] = (),
-        consoles: frozenset[str] = frozenset(),
+        access: Access | None = None,
     ) -> None:
         self.reports = reports
         self.control = control
-        self.consoles = consoles
+        roles = access.roles if access else {}
+        self.consoles = frozenset(name for name, role in roles.items() if role == "console")
+        self.people = {name: PERSONS[role] for name, role in roles.items() if role in PERSONS}
         self._connect = connect
 
     @property
@@ -94,7 +98,7 @@ def _listening(settings: BusSettings, directory: Path, users: Path | None) -> Bu
         reports.close()
         raise
     _keep_locks(directory)
-    return Bus(reports, control, settings.connect, _consoles(settings))
+    return Bus(reports, control, settings.connect, settings.access)
 
 
 def _keep_locks(directory: Path) -> None:
@@ -113,7 +117,7 @@ def join(settings: BusSettings, directory: Path) -> Bus:
     except BusError:
         reports.close()
         raise
-    return Bus(reports, control, consoles=_consoles(settings))
+    return Bus(reports, control, access=settings.access)
 
 
 def join_control(settings: BusSettings, directory: Path) -> ZenohSession:
@@ -132,26 +136,24 @@ def _join(settings: BusSettings, bus_session: str, directory: Path) -> ZenohSess
     except BusError:
         raise BusError(_shut_out(endpoints)) from None
     if not here:
-        session.identity = _identity(settings)
+        session.identity, session.person = _identity(settings)
     return session
 
 
-def _consoles(settings: BusSettings) -> frozenset[str]:
-    """Return the identities that are consoles by the access rules."""
-    roles = settings.access.roles if settings.access else {}
-    return frozenset(name for name, role in roles.items() if role == "console")
+def _identity(settings: BusSettings) -> tuple[str, str]:
+    """Return the name by which others know us, that of our certificate where every endpoint takes one.
 
-
-def _identity(settings: BusSettings) -> str:
-    """Return the name by which others know us: that of our certificate, where every endpoint takes one."""
+    Then again, where it is the certificate of a person; empty where it is not.
+    """
     if not settings.tls.certificate or not all(map(is_encrypted, settings.connect)):
-        return LOCAL
+        return LOCAL, ""
     from fleet.config.certificates import read_identity  # noqa: PLC0415 - slow to import; few have any
 
     try:
-        return read_identity(Path(settings.tls.certificate).read_bytes()).name
+        identity = read_identity(Path(settings.tls.certificate).read_bytes())
     except (OSError, ValueError):
-        return LOCAL
+        return LOCAL, ""
+    return identity.name, identity.name if identity.role == PERSON else ""
 
 
 def _shut_out(endpoints: Iterable[str]) -> str:

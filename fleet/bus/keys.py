@@ -33,21 +33,29 @@ key                                    what
 =====================================  ====================================================
 
 The questions of a console have ``/as/{permission}/{console}`` after the keys of commands, missions, runs and
-schedules: what its person may do, and its own identity.
+schedules: what its person may do, and its own identity. Those of a person with a certificate have
+``/as/person/{name}``, also after ``prepare``: fleet.yaml of the edge says what that person may do.
 """
 
 from __future__ import annotations
 
+from fleet.config.endpoints import PERSON
+
 LOCAL = "_local"
 """The identity of a console without a certificate; no common name begins so."""
 
-CONSOLE = "/as/*/*"
-"""What the keys of a console's questions have in addition: a permission, and the console."""
+ASKER = "/as/*/*"
+"""What the keys of questions for a person have in addition: a permission and a console, or the person."""
 
 
 def as_console(key: str, permission: str, console: str) -> str:
     """Return the key by which a console asks for a person with this permission."""
     return f"{key}/as/{permission}/{console}"
+
+
+def as_person(key: str, name: str) -> str:
+    """Return the key by which a person with a certificate asks; without a name the key as it is."""
+    return f"{key}/as/{PERSON}/{name}" if name else key
 
 
 def edge(edge_id: str) -> str:

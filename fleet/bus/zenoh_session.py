@@ -92,8 +92,8 @@ class Publishers:
 class Query:
     """A received query; may be answered later, from any thread, more than once, until ``close``.
 
-    ``key`` is the key of the queryable, ``asked`` the key expression of the query (it may have wildcards).
-    ``suffix`` is what the query's key has in addition (see ``ZenohSession.answer``); neither contains it.
+    ``key`` is that of the queryable, ``asked`` the key expression of the query (it may have wildcards);
+    neither contains ``suffix``, what the query's key has in addition (see ``ZenohSession.answer``).
     """
 
     def __init__(self, query: zenoh.Query, key: str, more: str = "") -> None:
@@ -129,7 +129,7 @@ class ZenohSession:
             self._session = zenoh.open(_config(settings))
         except zenoh.ZError as error:
             raise BusError(f"the bus cannot be opened: {_first_line(error)}") from None
-        self.identity = LOCAL  # by which others know it: the name of its certificate, if it shows one
+        self.identity, self.person = LOCAL, ""  # the name of its certificate; again, if it is a person's
         self._kept: list[object] = []
         self._threads: list[threading.Thread] = []
 

@@ -18,12 +18,13 @@ from fleet.config.certificates import (
     make_authority,
     read_identity,
 )
-from fleet.config.endpoints import COMMON_NAME, Role
+from fleet.config.endpoints import COMMON_NAME, PERSON, PERSONS, Role
 from fleet.host.edge.certificate_expiry import ending
 
 AUTHORITY = "ca"
 REVOKED = "revoked"
 LONGEST_DAYS = 825  # what common libraries still take
+ROLES = (*(role for role in get_args(Role) if role not in PERSONS), PERSON)
 
 folder_option = click.option(
     "-d",
@@ -70,13 +71,16 @@ def init(out: Output, site: str, folder: Path) -> None:
 
 @certs.command()
 @click.argument("name")
-@click.option("--as", "role", required=True, type=click.Choice(get_args(Role)), help="What it is there for.")
+@click.option("--as", "role", required=True, type=click.Choice(ROLES), help="What it is there for.")
 @click.option("--host", "hosts", multiple=True, help="Name or address at which others reach it; repeatable.")
 @days_option
 @folder_option
 @with_output
 def issue(out: Output, name: str, *, role: str, hosts: tuple[str, ...], days: int, folder: Path) -> None:
-    """Make a key and a certificate for NAME: an edge's id, a worker's name, or a name of your choice."""
+    """Make a key and a certificate for NAME: an edge's id, a worker's name, a person, or a name you choose.
+
+    A person commands robots with it from another computer (fleet send -f FILE), as far as each edge permits.
+    """
     if _checked(name) in _revoked(folder):
         raise click.ClickException(
             f"{name} is revoked: what was issued for it would come in again; take another"
@@ -85,8 +89,9 @@ def issue(out: Output, name: str, *, role: str, hosts: tuple[str, ...], days: in
     identity = Identity(name, role, tuple(dict.fromkeys((*hosts, name, "localhost", "127.0.0.1"))), until)
     _save(folder, name, issue_pair(_authority(folder), identity, _now()), new=True)
     _told(out, folder, identity)
+    given = f"{role}}}" if role != PERSON else "operate}, or view, or admin"
     out.note(
-        f"in fleet.yaml of the edges it joins, bus.access: {{{name}: {role}}}; they take it when they restart"
+        f"in fleet.yaml of the edges it joins, bus.access: {{{name}: {given}; they take it when they restart"
     )
 
 

@@ -144,7 +144,16 @@ class StopEffort:
         for attempt in self._attempts:
             attempt.end()
         hit = {(answer.edge, name) for answer in self._answers if not answer.kept for name in answer.names}
-        return hit | {one for attempt in self._attempts for one in attempt.hit}
+        return hit | self._hit_on_the_bus
+
+    @property
+    def _hit_on_the_bus(self) -> set[tuple[str, str]]:
+        """Who was stopped by the bus, by edge and name."""
+        return {one for attempt in self._attempts for one in attempt.hit}
+
+    def heard(self, edges: Edges) -> set[str]:
+        """Return the edges whose states can come: those that were joined, or answered behind one of these."""
+        return {*edges.joined, *(edge for edge, _ in self._hit_on_the_bus)}
 
     @property
     def _answers(self) -> list[StopAnswer]:
@@ -214,7 +223,7 @@ def stop(
         missing = [*edges.unreached, *_missing(edges, robots, hit)]
         if everything:
             missing += [state.name for state in edges.states() if (state.edge, state.name) not in hit]
-        failed = _failed(out, edges, hit)
+        failed = _failed(out, edges, hit, effort.heard(edges))
     return _told(out, effort, edges, StopResult(hit, missing, failed))
 
 
@@ -229,8 +238,10 @@ class StopResult(msgspec.Struct, frozen=True):
     failed: Mapping[tuple[str, str], str]
 
 
-def _failed(out: Output, edges: Edges, hit: set[tuple[str, str]]) -> dict[tuple[str, str], str]:
-    """Wait until the robots were seen to stop; return why some were not."""
+def _failed(
+    out: Output, edges: Edges, hit: set[tuple[str, str]], heard: set[str]
+) -> dict[tuple[str, str], str]:
+    """Wait until the robots of edges that are heard were seen to stop; return why some were not."""
     end = time.monotonic() + SEEN_WITHIN
     first: dict[tuple[str, str], float] = {}
     outcomes = _outcomes(edges, hit, first)
@@ -239,7 +250,7 @@ def _failed(out: Output, edges: Edges, hit: set[tuple[str, str]]) -> dict[tuple[
         out.note(f"the stop is set; not seen to stand yet: {', '.join(waiting)}")
     # Of an edge that was reached through its supervisor alone no state can come.
     while time.monotonic() < end and any(
-        outcome in OPEN and edge in edges.joined for (edge, _), outcome in outcomes.items()
+        outcome in OPEN and edge in heard for (edge, _), outcome in outcomes.items()
     ):
         time.sleep(LOOK)
         outcomes = _outcomes(edges, hit, first)

@@ -133,8 +133,8 @@ class CommonStart:
         last = self._at - time.time() + within
         asked: list[Answers] = []
         for robot, command, message in self._asked:
-            key = keys.prepare(robot.edge, robot.name)
             bus_session = self._lanes[robot.edge]
+            key = keys.as_person(keys.prepare(robot.edge, robot.name), bus_session.person)
             answers = bus_session.ask(key, stamped(message), timeout=last, parameters=parameters)
             asked.append((robot, command, (reply for _, reply in decoded(answers, Reply))))
         return asked

@@ -166,7 +166,7 @@ class Edges:
         if bus_session is None:
             return iter(())
         parameters = {"kind": kind, "wait": "1" if wait else "0"}
-        key = keys.command(robot.edge, robot.name)
+        key = keys.as_person(keys.command(robot.edge, robot.name), bus_session.person)
         answers = bus_session.ask(key, payload, timeout=timeout, parameters=parameters)
         return (reply for _, reply in decoded(answers, Reply))
 
@@ -180,7 +180,8 @@ class Edges:
         """Return the schedules of all edges, with their edge; raises Refused where one cannot tell them."""
         asked = msgspec.json.encode(ScheduleAsked())
         found = []
-        for _, key, answer in self.asked(keys.schedules("*"), ScheduleAnswer, asked, HISTORY_WITHIN):
+        answers = self.asked(keys.schedules("*"), ScheduleAnswer, asked, HISTORY_WITHIN, by_person=True)
+        for _, key, answer in answers:
             if answer.refusal:
                 raise Refused(f"edge {key.split('/')[1]}: {answer.refusal}")
             found += [(key.split("/")[1], state) for state in answer.schedules]
@@ -189,7 +190,8 @@ class Edges:
     def ask_schedules(self, edge: str, asked: ScheduleAsked) -> ScheduleAnswer:
         """Ask something of an edge's schedules; raises TimedOut when it does not answer."""
         payload = msgspec.json.encode(asked)
-        for _, _, answer in self.asked(keys.schedules(edge), ScheduleAnswer, payload, STARTED_WITHIN):
+        key = keys.schedules(edge)
+        for _, _, answer in self.asked(key, ScheduleAnswer, payload, STARTED_WITHIN, by_person=True):
             return answer
         raise TimedOut(f"edge {edge} does not answer for its schedules")
 
@@ -212,18 +214,29 @@ class Edges:
         """Ask one edge, by whichever way reaches it; raises TimedOut without an answer."""
         payload = msgspec.json.encode(asked)
         for bus_session in self.sessions:
+            to = keys.as_person(key, bus_session.person)
             for _, found in decoded(
-                bus_session.ask(key, payload, timeout=within, parameters=parameters), kind
+                bus_session.ask(to, payload, timeout=within, parameters=parameters), kind
             ):
                 return found
         raise TimedOut(f"no answer within {within:g} s on {key}")
 
     def asked(
-        self, key: str, kind: type[T], payload: bytes = b"", within: float = ANSWER_WITHIN
+        self,
+        key: str,
+        kind: type[T],
+        payload: bytes = b"",
+        within: float = ANSWER_WITHIN,
+        *,
+        by_person: bool = False,
     ) -> Iterator[tuple[ZenohSession, str, T]]:
-        """Ask all at once; yield what everyone answers on a key, by which session and on which key."""
+        """Ask all at once; yield what everyone answers on a key, by which session and on which key.
+
+        ``by_person``: with the name of the person whose certificate a session shows.
+        """
         asked = [
-            (bus_session, bus_session.ask(key, payload, timeout=within)) for bus_session in self.sessions
+            (each, each.ask(keys.as_person(key, each.person if by_person else ""), payload, timeout=within))
+            for each in self.sessions
         ]
         for bus_session, answers in asked:
             for answered, answer in decoded(answers, kind):

@@ -13,12 +13,12 @@ from fleet.missions.store import Told
 
 def missions(edges: Edges, name: str) -> list[MissionState]:
     """Return the missions of this name (``*``: all) that the edges know."""
-    return [found for _, _, found in edges.asked(keys.mission("*", name), MissionState)]
+    return [found for _, _, found in edges.asked(keys.mission("*", name), MissionState, by_person=True)]
 
 
 def runs(edges: Edges, run: str) -> list[RunState]:
     """Return the runs of this id (``*``: all), those under way and the newest that ended."""
-    return [found for _, _, found in edges.asked(keys.run("*", run), RunState)]
+    return [found for _, _, found in edges.asked(keys.run("*", run), RunState, by_person=True)]
 
 
 def start(edges: Edges, edge: str, name: str, asked: StartAsk) -> Started:
@@ -39,4 +39,5 @@ def story(edges: Edges, edge: str, run: str) -> list[Told]:
 def results(edges: Edges, edge: str, run: str) -> list[Result]:
     """Return what a run left behind, nothing where its edge has nothing of it; waits for its disk."""
     asked = msgspec.json.encode(ControlAsk("results"))
-    return [one for _, _, found in edges.asked(keys.run(edge, run), list[Result], asked) for one in found]
+    found = edges.asked(keys.run(edge, run), list[Result], asked, by_person=True)
+    return [one for _, _, part in found for one in part]

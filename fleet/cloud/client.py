@@ -11,6 +11,7 @@ import contextlib
 import logging
 import threading
 from collections.abc import Callable, Mapping
+from functools import partial
 
 import msgspec
 
@@ -181,10 +182,10 @@ class CloudClient:
         if self._queued or self._outbox.waits:
             self._queued = False
             connection = self._connection
-            planned = connection is not None and connection.write_is_planned
+            planned = connection is not None and connection.spaced.planned
             if not (planned or self._flushing or self._gathering):
                 self._gathering = True
-                self._soon(self._flush_soon)
+                self._soon(partial(self._flush_now, spaced=True))
 
     @property
     def full(self) -> bool:
@@ -208,17 +209,17 @@ class CloudClient:
         self._flushing = self._gathering = False
         return False
 
-    def _flush_soon(self) -> None:
-        """Write, or plan to; the mark falls first, as in ``_flush_now``."""
-        self._gathering = False
-        if self._connection:
-            self._connection.flush_soon()
+    def _flush_now(self, *, spaced: bool = False) -> None:
+        """Write; with ``spaced`` not right after the last write.
 
-    def _flush_now(self) -> None:
-        """Write. The mark falls first, so that a message queued from now on asks for the next write."""
-        self._flushing = False
-        if self._connection:
-            self._connection.flush()
+        The mark falls first, so that a message queued from now on asks for the next write.
+        """
+        if spaced:
+            self._gathering = False
+        else:
+            self._flushing = False
+        if connection := self._connection:
+            connection.spaced(connection.flush) if spaced else connection.flush()
 
     async def _main(self) -> None:
         """Keep connected until told to stop, then leave in an orderly way."""

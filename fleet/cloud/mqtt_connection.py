@@ -5,7 +5,6 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import logging
-import math
 import socket
 import threading
 from collections.abc import Callable, Mapping
@@ -19,6 +18,7 @@ from fleet.cloud.inbound import HEAD, reader, recover_publish
 from fleet.cloud.keepalive import Keepalive, KeepaliveAction
 from fleet.cloud.mqtt_session import MqttSession, SessionEnded
 from fleet.cloud.packets import PacketFramer, encode
+from fleet.cloud.spaced_call import SpacedCall
 from fleet.cloud.values import PAYLOAD_LIMIT, CloudMessage, CloudSettings
 from fleet.errors import CloudError, WireError
 
@@ -31,8 +31,8 @@ MOST_READS = 64
 WRITE_SPACING = 0.002
 """Seconds between two writes of messages that may wait, such as status and events.
 
-A write costs the edge a system call, and its acknowledgements a wake-up each time. On a fast computer every
-message of a stream had its own: at 10,000 messages/s 64 us of processor time each instead of 26.
+Each write costs a system call here, and a wake-up for its acknowledgements. On a fast computer every message
+of a stream had its own.
 """
 _LARGE_WRITE = 8 * 1024  # bytes after which the rest of what waits follows in the next turn of the loop
 LONGEST_LOOK = 0.01
@@ -70,6 +70,7 @@ class MqttConnection:
     brings is handed over by ``deliver`` there and then, in order, and the loop calls ``take`` afterwards,
     again and again while that returns True.
 
+    ``spaced`` makes writes that may wait share one: ``spaced(flush)``.
     ``ready`` is done when the broker has answered CONNECT and every subscription; ``ended`` holds the reason
     (SessionRefused, SessionEnded or CloudError) once the connection is of no more use.
     """
@@ -96,21 +97,15 @@ class MqttConnection:
         self._take = take
         self._take_on = _NextTurnCall(self._loop)  # the rest, others having had their turn
         self._go_on = _NextTurnCall(self._loop)
+        self.spaced = SpacedCall(self._loop, clock, WRITE_SPACING)
         self._arrivals = PacketFramer(reader(settings.protocol), PAYLOAD_LIMIT, head=HEAD)
         self._keepalive = Keepalive(settings.keepalive, clock.monotonic())
         self._lock = threading.Lock()  # of everything that reading and writing share
         self._failure: CloudError | None = None
-        self._wrote_at = -math.inf
-        self._write_is_planned = False
         self._reads = 0
         self._seen = -1
         self._stream = BrokerSocket(opened, self._readable, self._writable)
         self._write(session.connect())
-
-    @property
-    def write_is_planned(self) -> bool:
-        """True while a write is planned that takes all messages queued until then; on any thread."""
-        return self._write_is_planned
 
     @property
     def full(self) -> bool:
@@ -228,7 +223,7 @@ class MqttConnection:
             self._keepalive.interval = self._session.keepalive  # from now on the broker's own counts
             self.ready.set_result(None)
             self.flush()
-        self.flush_soon()
+        self.spaced(self.flush)
 
     def resubscribe(self, subscriptions: Mapping[str, int]) -> None:
         """Subscribe to other filters from now on; on the loop."""
@@ -248,25 +243,9 @@ class MqttConnection:
             data = self._session.send(now)
             self._write(data)
         if data:
-            self._wrote_at = now
-            self._go_on(self.flush if len(data) >= _LARGE_WRITE else self.flush_soon)
-
-    def flush_soon(self) -> None:
-        """Flush, but not within ``WRITE_SPACING`` of the last write; on the loop.
-
-        The first message after a pause leaves at once, those of a stream share writes.
-        """
-        wait = self._wrote_at + WRITE_SPACING - self._clock.monotonic()
-        if wait <= 0:
-            self.flush()
-        elif not self._write_is_planned and self._session.busy():
-            self._write_is_planned = True
-            self._loop.call_later(wait, self._flush_as_planned)
-
-    def _flush_as_planned(self) -> None:
-        """Flush; the mark falls first, so that a message queued from now on plans the next write."""
-        self._write_is_planned = False
-        self.flush()
+            self.spaced.mark(now)
+            large = len(data) >= _LARGE_WRITE
+            self._go_on(self.flush if large else lambda: self.spaced(self.flush))
 
     async def answered(self) -> None:
         """Wait until the connection is ready, or ended before it was."""

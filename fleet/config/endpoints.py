@@ -7,13 +7,22 @@ from __future__ import annotations
 
 import ipaddress
 import re
+from collections.abc import Mapping
 from typing import Literal, NamedTuple
+
+from fleet.model.permission import Permission
 
 Insecure = Literal["local"] | bool
 """What fleet.yaml allows without proof: nothing, all of this computer, everything."""
 
-Role = Literal["edge", "worker", "console", "program", "router"]
-"""What an identity on the bus is there for."""
+Role = Literal["edge", "worker", "console", "program", "router", "view", "operate", "admin"]
+"""What an identity on the bus is there for; of a person, what that person may do."""
+
+PERSONS: Mapping[str, Permission] = {each.word: each for each in Permission}
+"""The roles of persons."""
+
+PERSON = "person"
+"""What the certificate of a person is for; what the person may do is said by each edge."""
 
 COMMON_NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]{0,63}")
 """What an identity may be called: what fits the common name of a certificate, and a file's name."""

@@ -223,8 +223,8 @@ class BusConfig(Model):
     access: dict[CommonName, Role] | None = Field(
         None,
         description="Who may do what, by the common name of the certificate: edge, worker (of this edge, by "
-        "its name), console, program or router; others may do nothing (docs/how-to/bus.md). Left out: every "
-        "certificate of the authority may do everything.",
+        "its name), console, program or router, for a person view, operate or admin; others may do nothing "
+        "(docs/how-to/bus.md). Left out: every certificate of the authority may do everything.",
     )
     consoles: dict[CommonName, Literal["view", "operate", "admin"]] = Field(
         {},

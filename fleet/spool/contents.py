@@ -27,36 +27,36 @@ class SpoolContents:
         self.losses = Losses()
         self.keeps_on_disk = keeps_on_disk
         self.memory = MemoryBuffer(messages, size)
-        self.lines = TopicQueues(self.memory)
+        self.queues = TopicQueues(self.memory)
         self.unwritten = UnwrittenMessages()
         self.deletions = PendingDeletions()
 
-    def add(self, line: TopicQueue, message: Outgoing) -> None:
+    def add(self, queue: TopicQueue, message: Outgoing) -> None:
         """Add a new message behind all of its topic; ``on_disk`` says that it will stand there alone."""
         self.waiting += 1
         self.memory.add(message)
         if message.on_disk:
-            line.cold_from = line.cold_from if line.on_disk else message.seq
-            line.on_disk += 1
+            queue.cold_from = queue.cold_from if queue.on_disk else message.seq
+            queue.on_disk += 1
             self.on_disk += 1
         else:
-            line.memory.append(message)
-            line.loaded = message.seq
+            queue.memory.append(message)
+            queue.loaded = message.seq
         if self.keeps_on_disk:
             self.unwritten.add(message)
-        self.lines.stand(line)
+        self.queues.stand(queue)
 
-    def take(self, line: TopicQueue, message: Outgoing) -> None:
-        """Remove a message of a line that is sent now; it stays on disk until it is settled."""
+    def take(self, queue: TopicQueue, message: Outgoing) -> None:
+        """Remove a message of a queue that is sent now; it stays on disk until it is settled."""
         self.memory.remove(message)
         self.waiting -= 1
-        line.flying += 1
+        queue.flying += 1
 
-    def take_back(self, line: TopicQueue, message: Outgoing) -> None:
+    def take_back(self, queue: TopicQueue, message: Outgoing) -> None:
         """Put a message back that was sent, before all that are newer."""
         if message.gone:
             return
-        line.give_back(message)
+        queue.give_back(message)
         self.memory.add_again(message)
         self.waiting += 1
 
@@ -69,42 +69,42 @@ class SpoolContents:
             self.unwritten.tombstone()
 
     def lose(self, message: Outgoing, reason: Reason, wall: float) -> TopicQueue:
-        """Drop a message that stood in memory; return its line, which may be empty now."""
-        line = self.lines[message.topic]
+        """Drop a message that stood in memory; return its queue, which may be empty now."""
+        queue = self.queues[message.topic]
         self.memory.remove(message)
         self.forget(message)
         self.waiting -= 1
         if message.on_disk:
-            line.on_disk -= 1
+            queue.on_disk -= 1
             self.on_disk -= 1
-        line.shed()
+        queue.shed()
         self.losses.note(message.topic, message.traffic, reason, wall)
-        return line
+        return queue
 
     # -- on disk alone -------------------------------------------------------------------------------
 
-    def is_on_disk_alone(self, line: TopicQueue, seq: int) -> bool:
+    def is_on_disk_alone(self, queue: TopicQueue, seq: int) -> bool:
         """Return whether a row that was met on disk is a message that waits and stands nowhere else."""
-        return seq > line.loaded and seq not in self.deletions and seq not in line.ahead
+        return seq > queue.loaded and seq not in self.deletions and seq not in queue.ahead
 
-    def load(self, line: TopicQueue, message: Outgoing) -> None:
+    def load(self, queue: TopicQueue, message: Outgoing) -> None:
         """Have a message stand in memory that stood on disk alone."""
         message.on_disk = False
-        line.memory.append(message)
-        line.loaded = line.cold_from = message.seq
-        line.on_disk -= 1
+        queue.memory.append(message)
+        queue.loaded = queue.cold_from = message.seq
+        queue.on_disk -= 1
         self.on_disk -= 1
 
     def load_unwritten(self, topics: Container[str]) -> None:
         """Have those messages of some topics stand in memory that never reached the disk."""
         for message in self.unwritten:
             if message.on_disk and not message.gone and message.topic in topics:
-                self.load(self.lines[message.topic], message)
+                self.load(self.queues[message.topic], message)
 
-    def lose_on_disk(self, line: TopicQueue, lost: int, reason: Reason, wall: float) -> None:
+    def lose_on_disk(self, queue: TopicQueue, lost: int, reason: Reason, wall: float) -> None:
         """Count out messages that stood on disk alone, and are there no more."""
-        line.on_disk -= lost
+        queue.on_disk -= lost
         self.on_disk -= lost
         self.waiting -= lost
-        self.losses.note(line.topic, line.traffic, reason, wall, lost)
-        self.lines.stand(line)
+        self.losses.note(queue.topic, queue.traffic, reason, wall, lost)
+        self.queues.stand(queue)

@@ -26,13 +26,13 @@ class DiskExchange:
         self.failing = False
         self.before = first
         self._contents = contents
-        self._lines = contents.lines
+        self._queues = contents.queues
         self._writing = False
 
     @property
     def needs_fetch(self) -> bool:
         """True when messages are wanted from disk."""
-        return bool(self._lines.needs_fetch)
+        return bool(self._queues.needs_fetch)
 
     @property
     def unwritten(self) -> bool:
@@ -48,7 +48,7 @@ class DiskExchange:
         """Remove and return what is to be changed on disk now."""
         contents = self._contents
         self._writing = True
-        rows = contents.unwritten.take(now, at_once=not self._lines.online or contents.on_disk > 0)
+        rows = contents.unwritten.take(now, at_once=not self._queues.online or contents.on_disk > 0)
         done = contents.deletions.take()
         self._writing = bool(rows or done)
         return DiskWork(rows, done)
@@ -70,79 +70,80 @@ class DiskExchange:
 
     def fetches(self) -> list[FetchRequest]:
         """Return of which topics more is wanted."""
-        share = self._contents.memory.room // max(1, len(self._lines.needs_fetch))
+        share = self._contents.memory.room // max(1, len(self._queues.needs_fetch))
         limit = max(LOW_IN_NEED, min(FETCHED, share))
         return [
-            FetchRequest(line.topic, line.traffic, line.loaded, limit)
-            for line in self._lines.needs_fetch.values()
+            FetchRequest(queue.topic, queue.traffic, queue.loaded, limit)
+            for queue in self._queues.needs_fetch.values()
         ]
 
     def fetched(self, topic: str, messages: Sequence[Outgoing], *, more: bool) -> None:
         """Take messages from disk; ``more``: there are further ones. The last ones never reached the disk."""
-        line = self._lines.needs_fetch.pop(topic, None)
-        if line is None:
+        queue = self._queues.needs_fetch.pop(topic, None)
+        if queue is None:
             return
         for message in messages:
-            if self._contents.is_on_disk_alone(line, message.seq):
-                self._contents.load(line, message)
+            if self._contents.is_on_disk_alone(queue, message.seq):
+                self._contents.load(queue, message)
                 self._contents.memory.add(message)
         if messages:  # also when none was wanted: the next fetch goes on behind them
-            line.loaded = max(line.loaded, messages[-1].seq)
+            queue.loaded = max(queue.loaded, messages[-1].seq)
         if not more:
             self._contents.load_unwritten((topic,))
-        self._lines.stand(line)
-        self._lines.forget(line)
+        self._queues.stand(queue)
+        self._queues.forget(queue)
 
     def found(self, topic: str, traffic: TrafficClass, count: int, oldest: int, newest: int) -> None:
         """Note what an earlier process left on disk; what came before the disk could be read follows it."""
         contents = self._contents
         self.before = max(self.before, newest)
-        line = self._lines.of(topic, traffic)
-        live = [message for message in line.memory if not message.gone]
+        queue = self._queues.of(topic, traffic)
+        live = [message for message in queue.memory if not message.gone]
         for message in live:
             message.on_disk = True
-        line.memory.clear()
-        line.loaded, line.cold_from = 0, oldest
-        if line.flying or line.back:
+        queue.memory.clear()
+        queue.loaded, queue.cold_from = 0, oldest
+        if queue.flying or queue.back:
             mine = (one for one in contents.unwritten if one.topic == topic and not (one.gone or one.on_disk))
-            line.ahead = frozenset(one.seq for one in mine)
-        line.on_disk += len(live) + count
+            queue.ahead = frozenset(one.seq for one in mine)
+        queue.on_disk += len(live) + count
         contents.on_disk += len(live) + count
         contents.waiting += count
-        self._lines.stand(line)
+        self._queues.stand(queue)
 
     def removed(self, topic: str, seqs: Sequence[int], reason: Reason, wall: float) -> None:
         """Note that messages were removed from disk: those that are not under way are lost."""
-        line = self._lines.get(topic)
-        if line is None:
+        queue = self._queues.get(topic)
+        if queue is None:
             return
-        if lost := sum(self._contents.is_on_disk_alone(line, seq) for seq in seqs):
-            self._contents.lose_on_disk(line, lost, reason, wall)
-            line.cold_from = max(line.cold_from, *seqs)
+        if lost := sum(self._contents.is_on_disk_alone(queue, seq) for seq in seqs):
+            self._contents.lose_on_disk(queue, lost, reason, wall)
+            queue.cold_from = max(queue.cold_from, *seqs)
         removed = set(seqs)
-        for message in (*line.back, *line.memory):
+        for message in (*queue.back, *queue.memory):
             if message.seq in removed and not message.gone:
                 self._contents.lose(message, reason, wall)
-        self._lines.forget(line)
+        self._queues.forget(queue)
 
     def lost_disk(self, wall: float) -> None:
         """Note that what was on disk is lost; what is in memory is written anew."""
         contents = self._contents
-        for line in list(self._lines.values()):
-            kept = sum(one.topic == line.topic and one.on_disk and not one.gone for one in contents.unwritten)
-            if line.on_disk > kept:
-                contents.lose_on_disk(line, line.on_disk - kept, Reason.CORRUPT, wall)
-            for message in (*line.back, *line.memory):
+        for queue in list(self._queues.values()):
+            mine = (one for one in contents.unwritten if one.topic == queue.topic)
+            kept = sum(one.on_disk and not one.gone for one in mine)
+            if queue.on_disk > kept:
+                contents.lose_on_disk(queue, queue.on_disk - kept, Reason.CORRUPT, wall)
+            for message in (*queue.back, *queue.memory):
                 if message.stored and not message.gone:
                     message.stored = False
                     contents.unwritten.add(message)
-            self._lines.forget(line)
+            self._queues.forget(queue)
         contents.deletions.clear()
 
     def no_disk(self) -> None:
         """Note that there is no file at all: memory alone serves, also for what was to leave it."""
         self.failing = True
         if self._contents.on_disk:
-            self._contents.load_unwritten(self._lines)
-            for line in self._lines.values():
-                self._lines.stand(line)
+            self._contents.load_unwritten(self._queues)
+            for queue in self._queues.values():
+                self._queues.stand(queue)

@@ -38,7 +38,7 @@ class SpoolQueue:
         self.disk = DiskExchange(self._contents, first)
         self.losses = self._contents.losses
         self._memory = self._contents.memory
-        self._lines = self._contents.lines
+        self._queues = self._contents.queues
         self._ages = [ages[kind] for kind in DURABLE]  # lists: a dictionary hashes an enumeration slowly
         self._seq = first
         self._durable_from = float("-inf")  # when others than replies are sent
@@ -60,25 +60,25 @@ class SpoolQueue:
             age = min(age, message.expiry)
         message.since, message.deadline, message.expires = now, now + age, wall + age
         self._seq = message.seq = max(self._seq + 1, self.disk.before + 1, int(wall * SECOND))
-        line = self._lines.of(message.topic, message.traffic)
+        queue = self._queues.of(message.topic, message.traffic)
         fits, failing = self._memory.fits(message), self.disk.failing
-        message.on_disk = bool(line.on_disk) or (self._contents.keeps_on_disk and not failing and not fits)
+        message.on_disk = bool(queue.on_disk) or (self._contents.keeps_on_disk and not failing and not fits)
         share = 1 if failing or not message.on_disk else 2
-        if not (fits or self._make_room(line, message, share, wall)):
-            self._lines.forget(line)
+        if not (fits or self._make_room(queue, message, share, wall)):
+            self._queues.forget(queue)
             self.losses.note(message.topic, message.traffic, Reason.ROOM, wall)
             return False
-        self._contents.add(line, message)
+        self._contents.add(queue, message)
         return True
 
-    def _make_room(self, line: TopicQueue, message: Outgoing, share: int, wall: float) -> bool:
-        """Push out what is older and matters no more than a message of a line; tell whether it fits then."""
+    def _make_room(self, queue: TopicQueue, message: Outgoing, share: int, wall: float) -> bool:
+        """Push out what is older and matters no more than a message of a queue; tell whether it fits then."""
         if not self._memory.can_fit(message, share):
             return False
         for oldest in self._memory.in_the_way(message, share):
             other = self._contents.lose(oldest, Reason.ROOM, wall)
-            if other is not line:
-                self._lines.forget(other)
+            if other is not queue:
+                self._queues.forget(other)
         return True
 
     def take(self, now: float, *, window: int, reserve: int, size: int) -> list[Outgoing]:
@@ -87,82 +87,82 @@ class SpoolQueue:
         The last ``reserve`` of the window are for replies.
         """
         batch: list[Outgoing] = []
-        if not self.online or not any(self._lines.rings):
+        if not self.online or not any(self._queues.rings):
             return batch
-        for kind, ring in zip(DURABLE, self._lines.rings, strict=True):
+        for kind, ring in zip(DURABLE, self._queues.rings, strict=True):
             most = window if kind is REPLY else window - reserve
             if kind is not REPLY and now < self._durable_from:
                 break
             while ring and len(batch) < most and size > 0:
-                line = ring.popleft()
-                line.queued = False
-                size -= self._take(line, batch, min(most, len(batch) + BURST), size, now)
-                if not line.quiet:
-                    self._lines.stand(line)
-                    self._lines.forget(line)
+                queue = ring.popleft()
+                queue.queued = False
+                size -= self._take(queue, batch, min(most, len(batch) + BURST), size, now)
+                if not queue.quiet:
+                    self._queues.stand(queue)
+                    self._queues.forget(queue)
         return batch
 
-    def _take(self, line: TopicQueue, batch: list[Outgoing], most: int, size: int, now: float) -> int:
-        """Move messages of a line into the batch; return their bytes."""
+    def _take(self, queue: TopicQueue, batch: list[Outgoing], most: int, size: int, now: float) -> int:
+        """Move messages of a queue into the batch; return their bytes."""
         taken = 0
-        while line.sendable and len(batch) < most and taken < size:
-            message = line.pop()
+        while queue.sendable and len(batch) < most and taken < size:
+            message = queue.pop()
             if message.gone:
                 continue
             if message.deadline is not None and message.deadline <= now:
                 self._contents.lose(message, Reason.AGE, message.expires)
                 continue
-            self._contents.take(line, message)
+            self._contents.take(queue, message)
             taken += message.size
             batch.append(message)
         return taken
 
     def settle(self, message: Outgoing, outcome: Outcome, now: float, wall: float) -> None:
         """Take what the broker said of a message that was taken."""
-        line = self._lines[message.topic]
-        line.flying -= 1
+        queue = self._queues[message.topic]
+        queue.flying -= 1
         if outcome is _HELD:
-            self._contents.take_back(line, message)
-            self._lines.holds.unheard(line, now)
+            self._contents.take_back(queue, message)
+            self._queues.holds.unheard(queue, now)
             return
         if outcome is _REFUSED:
             self.losses.note(message.topic, message.traffic, Reason.REFUSED, wall)
         self._contents.forget(message)
-        if not line.quiet:
-            self._lines.holds.heard(line, now)
-            self._lines.stand(line)
-            self._lines.forget(line)
+        if not queue.quiet:
+            self._queues.holds.heard(queue, now)
+            self._queues.stand(queue)
+            self._queues.forget(queue)
 
     def put_back(self, messages: Iterable[Outgoing]) -> None:
         """Take back messages, oldest first, that were under way when the connection ended."""
         oldest_first = list(messages)
         for message in reversed(oldest_first):
-            line = self._lines[message.topic]
-            line.flying -= 1
-            self._contents.take_back(line, message)
+            queue = self._queues[message.topic]
+            queue.flying -= 1
+            self._contents.take_back(queue, message)
         for message in oldest_first:
-            self._lines.stand(self._lines[message.topic])
+            self._queues.stand(self._queues[message.topic])
 
     def go_online(self, now: float) -> None:
         """Begin a new connection: nobody knows yet who hears."""
-        self._lines.online = True
+        self._queues.online = True
         self._durable_from = now + NEWEST_FIRST if self.waiting else now
-        self._lines.holds.clear()
-        for line in self._lines.values():
-            line.see(TopicEvent.CONNECTED)
-            self._lines.stand(line)
+        self._queues.holds.clear()
+        for queue in self._queues.values():
+            queue.see(TopicEvent.CONNECTED)
+            self._queues.stand(queue)
 
     def go_offline(self) -> None:
         """Note the end of the connection."""
-        self._lines.online = False
-        self._lines.needs_fetch.clear()
+        self._queues.online = False
+        self._queues.needs_fetch.clear()
 
     def tick(self, now: float, wall: float) -> None:
         """Look after time: what is too old is dropped, what was held is tried again."""
         for message in self._memory.late(now):
-            self._lines.forget(self._contents.lose(message, Reason.AGE, wall))
-        for line in self._lines.holds.due(now):
-            self._lines.stand(line)
+            self._queues.forget(self._contents.lose(message, Reason.AGE, wall))
+        for queue in self._queues.holds.due(now):
+            self._queues.stand(queue)
 
     def close(self) -> None:
         """Drop what stands in memory."""
@@ -173,23 +173,23 @@ class SpoolQueue:
     @property
     def online(self) -> bool:
         """True while there is a connection."""
-        return self._lines.online
+        return self._queues.online
 
     @property
     def idle(self) -> bool:
         """True when nothing could be sent now."""
-        return not (any(self._lines.rings) or self._lines.needs_fetch)
+        return not (any(self._queues.rings) or self._queues.needs_fetch)
 
     @property
     def held(self) -> int:
         """How many topics wait for somebody to hear them."""
-        return len(self._lines.holds)
+        return len(self._queues.holds)
 
     @property
     def unheard(self) -> int:
         """How many messages wait for somebody to hear their topics."""
-        return self._lines.holds.messages
+        return self._queues.holds.messages
 
     def standing(self) -> dict[TrafficClass, ClassStatistics]:
         """Return what waits of each class."""
-        return class_statistics(self._lines.values())
+        return class_statistics(self._queues.values())

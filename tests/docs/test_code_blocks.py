@@ -101,7 +101,11 @@ def site(tmp_path_factory):
     """Return a folder with what the examples name: certificates, a dog's description, a plugin."""
     folder = tmp_path_factory.mktemp("site")
     with contextlib.chdir(folder):
-        for command in ("certs init my-site", "certs issue yard-1 --as edge --host 192.168.1.10"):
+        for command in (
+            "certs init my-site",
+            "certs issue yard-1 --as edge --host 192.168.1.10",
+            "certs issue alice --as person",
+        ):
             assert CliRunner().invoke(fleet, command.split()).exit_code == 0
     (folder / "robots").mkdir()
     shutil.copy(ROOT / "adapters/fleet_quadruped/robots/example.yaml", folder / "robots/rex.yaml")

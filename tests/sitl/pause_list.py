@@ -12,7 +12,8 @@ import socket
 
 from pymavlink.dialects.v20 import all as mav
 
-from fleet import Goal, GoTo, Vector3
+from fleet import GeoOrigin, Goal, GoTo, Vector3
+from fleet.model.geodesy import world_from_geo
 from fleet_mavlink.wings import Winged
 
 LONG = 300.0  # s
@@ -80,12 +81,19 @@ async def begins_to_move(it):
         await it.do("takeoff", altitude=HEIGHT)
 
 
-async def is_seen_to_be_held(it):
-    """See the mode in which it is held; it stands, or goes round where it is."""
+async def is_held(it):
+    """See it change to its hold and stand there, or go round where it is."""
+    where = it.state.position
+    anchor = GeoOrigin(where.latitude, where.longitude)
     await it.until(lambda: mode(it) == vehicle(it).flavour.hold, 5.0)
-    if isinstance(vehicle(it).flavour, Winged):
+    if not isinstance(vehicle(it).flavour, Winged):
+        await it.until(lambda: speed(it) < 0.7, 30.0)
         return
-    await it.until(lambda: speed(it) < 0.7, 30.0)
+    began = vehicle(it).now()
+    while vehicle(it).now() - began < 30.0:
+        away = world_from_geo(anchor, it.state.position).horizontal()
+        assert away < 2 * vehicle(it).flavour.reach(it.state) + 40.0, f"it went on {away:.0f} m"
+        await asyncio.sleep(1.0)
 
 
 async def is_paused_while_the_edge_moves_it(it, station):
@@ -97,8 +105,8 @@ async def is_paused_while_the_edge_moves_it(it, station):
     await going
     await asyncio.sleep(3.0)
     station.pause(it)
-    await is_seen_to_be_held(it)
-    assert it.robot.losses
+    await is_held(it)
+    await it.until(lambda: it.robot.losses, 5.0)
 
 
 async def is_paused_while_the_station_moves_it(it, station):
@@ -107,7 +115,7 @@ async def is_paused_while_the_station_moves_it(it, station):
     await it.until(lambda: mode(it) == vehicle(it).flavour.goto and speed(it) > 2.0, LONG)
     await asyncio.sleep(3.0)
     station.pause(it)
-    await is_seen_to_be_held(it)
+    await is_held(it)
 
 
 async def is_taken_back_and_goes_home(it, _station):

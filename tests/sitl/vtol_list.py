@@ -8,6 +8,7 @@ from __future__ import annotations
 import asyncio
 import contextlib
 
+import msgspec
 import pytest
 
 from fleet import (
@@ -160,6 +161,40 @@ async def is_stopped_on_the_way_to_its_wings(it, planes):
         assert it.state.vtol_state == HOVERS
 
 
+def forget_how_guided_flies(it, planes):
+    """Let it be unknown, as when the answer was lost each time."""
+    vehicle = planes.session(it).vehicle
+    known = {name: value for name, value in it.state.settings.items() if name != "Q_GUIDED_MODE"}
+    vehicle.state = msgspec.structs.replace(vehicle.state, settings=known)
+
+
+async def is_stopped_without_knowing_how_guided_flies(it, planes):
+    """Stop a QuadPlane: in GUIDED it is seen to hover, and stands; on the way to its wings it lands."""
+    if not is_arduplane(it):
+        return
+    async with sent_far(it, planes, FAR):
+        forget_how_guided_flies(it, planes)
+        where, height = it.state.position, it.state.relative_altitude
+        await it.adapter.stop("stop")
+        await comes_to_stand(it, planes, height, where)
+    await it.do("get_parameters", names=["Q_GUIDED_MODE"])
+    going = asyncio.ensure_future(it.do("transition", to="forward"))
+    await it.until(lambda: it.state.vtol_state == GOES_OVER and planes.speed(it) > 3.0, LONG)
+    forget_how_guided_flies(it, planes)
+    where = it.state.position
+    await it.adapter.stop("emergency_stop")
+    assert planes.mode(it) == "QLAND"
+    await asyncio.gather(going, return_exceptions=True)
+    await it.until(lambda: it.state.vtol_state == HOVERS, 20.0)
+    await asyncio.sleep(3.0)
+    assert planes.away(it, where) < 60.0
+    await it.do("get_parameters", names=["Q_GUIDED_MODE"])
+    await it.adapter.stop("hover")
+    await comes_to_stand(it, planes, it.state.relative_altitude, it.state.position)
+    position, _ = planes.place(it, 0.0, 0.0, HEIGHT)
+    await exhausted(it.adapter.navigate(GoTo(Goal(position=position))))
+
+
 async def goes_over_to_its_wings(it, planes):
     """Go over; what it takes changes with it, and it takes no velocities there."""
     await it.do("transition", to="forward")
@@ -283,6 +318,7 @@ STEPS = (
     is_stopped_while_it_is_not_heard,
     goes_to_a_place_in_its_hover,
     is_stopped_on_the_way_to_its_wings,
+    is_stopped_without_knowing_how_guided_flies,
     goes_over_to_its_wings,
     is_stopped_on_its_wings,
     flies_to_a_place_on_its_wings,

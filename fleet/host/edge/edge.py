@@ -154,9 +154,7 @@ class Edge:
         self._recall = HistoryService(self.process.history)
         self._notifier = Notifier(config.notified, config.edge.id, clock)
         history = self.process.history
-        self.schedules = EdgeSchedules(
-            config, folder, self.missions.starter, states=self.states, record=history.add, clock=clock
-        )
+        self.schedules = EdgeSchedules(config, folder, self.missions.starter, self.process, self.states)
         history.told = self.schedules.before(self._notifier.take)
         self._pair = part_in_pair(loaded, gate, self.process, self.schedules.run)
         self._watches: DropInWatch | None = None
@@ -343,7 +341,7 @@ class Edge:
             self.bridge.streams.listen(self.bus.reports.subscribe)
         self.bus.control.answer(keys.health(edge), self._asked_health)
         self.bus.control.answer(keys.history(edge), self._recall.asked)
-        self.bus.control.answer(keys.schedules(edge), self.schedules.asked, more=keys.CONSOLE)
+        self.bus.control.answer(keys.schedules(edge), self.schedules.asked, more=keys.ASKER)
         self.missions.declare()
         self._changes.declare(self.bus.control)
         self._notifier.hear(self.bus.reports, {robot.twin: robot.name for robot in self.remote.values()})

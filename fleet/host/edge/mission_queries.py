@@ -12,21 +12,19 @@ from fleet.bus.zenoh_session import Query, ZenohSession
 from fleet.config.missions import Mission
 from fleet.errors import Refused
 from fleet.host.edge.known_missions import KnownMissions
+from fleet.host.edge.mission_askers import MissionAskers
 from fleet.host.edge.rehearsals import Rehearsals
 from fleet.host.edge.run_results import RunResults
 from fleet.host.edge.start_requests import StartRequests
-from fleet.host.requests.console_asker import console_refusal
 from fleet.missions.filling import mission_state
 from fleet.missions.report import ControlAsk, Controlled, StartAsk, Started, ended_state
-from fleet.missions.runs import Runs, check_run_id
+from fleet.missions.runs import Runs
 from fleet.missions.state import Head, Member
 from fleet.missions.store import About, Store, Told
 from fleet.model.command import Transport
-from fleet.model.permission import Permission
 from fleet.runtime.decoding import decode_json
 
 SHOWN = 50  # runs that ended
-LARGEST = 1 << 20  # bytes of a mission that is sent
 _encode = msgspec.json.encode
 
 
@@ -40,6 +38,7 @@ class MissionQueries:
         missions: KnownMissions,
         runs: Runs,
         *,
+        askers: MissionAskers,
         starts: StartRequests,
         rehearsals: Rehearsals,
         results: RunResults,
@@ -50,6 +49,7 @@ class MissionQueries:
         self._bus_session = bus_session
         self._missions = missions
         self._runs = runs
+        self._askers = askers
         self._starts = starts
         self._rehearsals = rehearsals
         self._results = results
@@ -58,8 +58,8 @@ class MissionQueries:
 
     def declare(self) -> None:
         """Answer from now on."""
-        self._bus_session.answer(keys.mission(self._edge, "*"), self._mission, more=keys.CONSOLE)
-        self._bus_session.answer(keys.run(self._edge, "*"), self._run, more=keys.CONSOLE)
+        self._bus_session.answer(keys.mission(self._edge, "*"), self._mission, more=keys.ASKER)
+        self._bus_session.answer(keys.run(self._edge, "*"), self._run, more=keys.ASKER)
 
     # -- missions ------------------------------------------------------------------------------------
 
@@ -79,7 +79,7 @@ class MissionQueries:
             return
 
         def made() -> tuple[Mission, StartAsk]:
-            ask = _start_ask(question)
+            ask = self._askers.start(question)
             return self._missions.asked(name, ask), ask
 
         began = partial(self._answer_started, name, question)
@@ -122,8 +122,10 @@ class MissionQueries:
         if ask.do == "results":
             self._results.answer(question, key, run)
             return
-        refusal = console_refusal(question, Permission.OPERATE)
-        told(refusal) if refusal else self._runs.control(run, ask, told)
+        try:
+            self._runs.control(run, self._askers.control(question, run, ask), told)
+        except Refused as error:
+            told(str(error))
 
     def _answer_story(self, question: Query, run: str, story: list[Told]) -> None:
         """Answer with a run's story; none of a run that is another edge's."""
@@ -147,18 +149,3 @@ class MissionQueries:
             question.close()
 
         self._store.ended(SHOWN, ended)
-
-
-def _start_ask(question: Query) -> StartAsk:
-    """Return the start that a question asks for; raises Refused, DecodeError."""
-    if "*" in question.asked:
-        raise Refused("a mission is started on one edge", hint="name the edge and the mission")
-    if len(question.payload) > LARGEST:
-        raise Refused(f"the mission is larger than {LARGEST >> 20} MiB")
-    ask = decode_json(question.payload, StartAsk)
-    if ask.run:
-        check_run_id(ask.run)
-    needed = Permission.OPERATE if ask.mission is None else Permission.ADMIN
-    if refusal := console_refusal(question, needed):
-        raise Refused(refusal)
-    return ask

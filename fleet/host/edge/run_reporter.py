@@ -10,22 +10,27 @@ from fleet.bus import keys
 from fleet.bus.zenoh_session import ZenohSession
 from fleet.clock import Clock
 from fleet.missions.report import RunState
-from fleet.model.command import Transport
 from fleet.model.event import EventKind, EventReport, Requester, Severity
 
 
 class RunReporter:
     """The reports of one edge's runs. ``record`` writes an event into its history.
 
-    ``listeners`` hear each state after the history and before the bus.
+    ``starter`` returns who started a run. ``listeners`` hear each state after the history and before the bus.
     """
 
     def __init__(
-        self, edge: str, bus_session: ZenohSession, record: Callable[[str, EventReport], None], clock: Clock
+        self,
+        edge: str,
+        bus_session: ZenohSession,
+        record: Callable[[str, EventReport], None],
+        starter: Callable[[RunState], Requester],
+        clock: Clock,
     ) -> None:
         self.listeners: list[Callable[[RunState], None]] = []
         self._edge = edge
         self._record = record
+        self._starter = starter
         self._clock = clock
         self._states = bus_session.publishers(keys.run(edge, "*"))
         self._recorded: set[str] = set()  # the runs whose beginning is in the history, and not their end
@@ -49,7 +54,7 @@ class RunReporter:
 
     def _event(self, state: RunState, kind: EventKind, text: str) -> None:
         """Write an event of a run, with who started it, into the history of the edge."""
-        asker = Requester(Transport(state.way), state.by, proven=state.way == Transport.MISSION)
+        asker = self._starter(state)
         severity = Severity.INFO if state.outcome in ("", "completed") else Severity.WARNING
         event = EventReport(self._clock.time(), kind, text, severity, asker, state.mission, state.run)
         self._record("", event)

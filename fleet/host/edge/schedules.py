@@ -10,11 +10,10 @@ from pathlib import Path
 import msgspec
 
 from fleet.bus.zenoh_session import Query
-from fleet.clock import Clock
 from fleet.config.load import Loaded
 from fleet.config.schema import Sections
 from fleet.errors import StateError
-from fleet.host.requests.console_asker import console_refusal
+from fleet.host.process.robot_process import RobotProcess
 from fleet.host.requests.history_recorder import never_raises
 from fleet.model.event import EventKind, EventReport
 from fleet.model.permission import Permission
@@ -33,7 +32,7 @@ Told = Callable[[str, EventReport], None]
 
 
 class EdgeSchedules:
-    """What fires by itself on one edge. ``states`` are those of its robots, ``record`` writes its history.
+    """What fires by itself on one edge. ``states`` are those of its robots, also in workers.
 
     ``starter`` starts missions. Until there is a schedule it does nothing.
     """
@@ -43,14 +42,13 @@ class EdgeSchedules:
         config: Sections,
         folder: Path,
         starter: Starter,
-        *,
+        process: RobotProcess,
         states: Callable[[], Iterable[RobotState]],
-        record: Told,
-        clock: Clock,
     ) -> None:
-        self.starter = starter
+        self.starter, self._askers = starter, process.askers
         self._config = config.schedules
-        self._folder, self._states, self._record, self._clock = folder, states, record, clock
+        self._folder, self._states = folder, states
+        self._record, self._clock = process.history.add, process.clock
         self._loop = asyncio.get_running_loop()
         self._schedules: Schedules | None = None
         self._problem = ""
@@ -163,7 +161,9 @@ class EdgeSchedules:
         try:
             asked = decode_json(question.payload, ScheduleAsked)
             needed = Permission.VIEW if asked.do == "list" else Permission.OPERATE
-            refusal = console_refusal(question, needed)
+            what = f"schedule {asked.name}: {asked.do}"
+            refusal = self._askers.refusal(question, needed, what, claimed=asked.by)
+            asked = msgspec.structs.replace(asked, by=self._askers.proven(question) or asked.by)
             answer = ScheduleAnswer(refusal=refusal) if refusal else await self._answered(asked)
         except (msgspec.DecodeError, StateError) as error:
             answer = ScheduleAnswer(refusal=str(error))

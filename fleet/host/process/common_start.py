@@ -21,9 +21,11 @@ import msgspec
 from fleet.bus import keys
 from fleet.bus.zenoh_session import Query
 from fleet.errors import WireError
+from fleet.host.process.permitted_requests import PermittedRequests
 from fleet.host.process.robot_process import RobotProcess
 from fleet.host.requests.answering import answer_to
 from fleet.host.requests.decode import Ask
+from fleet.host.requests.event_reporter import with_proof
 from fleet.host.requests.receipt import Receipt
 from fleet.host.robot.dry_run import against
 from fleet.host.robot.local_robot import LocalRobot
@@ -63,6 +65,7 @@ class CommonStarts:
     def __init__(self, process: RobotProcess) -> None:
         self._process = process
         self._loop, self._clock = process.loop, process.clock
+        self._permitted = PermittedRequests(process.askers)
         self._prepared: dict[str, _Prepared] = {}
         self._alive: set[str] = set()
         self._tasks: set[asyncio.Task[None]] = set()
@@ -73,7 +76,8 @@ class CommonStarts:
 
         def serve(robot: LocalRobot) -> Callable[[], None]:
             robot.controller.event_reporter.heard = partial(self._interrupted, robot.name)
-            return control.answer(keys.prepare(edge, robot.name), partial(self._asked_to_prepare, robot))
+            asked = partial(self._asked_to_prepare, robot)
+            return control.answer(keys.prepare(edge, robot.name), asked, more=keys.ASKER)
 
         self._process.services.append(serve)
         control.answer(keys.starts(edge), self._asked)
@@ -88,9 +92,9 @@ class CommonStarts:
         if not stop_in(question.payload, cast("Kind", kind) if kind in KINDS else "command"):
             self._loop.call_soon_threadsafe(self._begin_to_prepare, robot, question)
             return
-        take = robot.read(
-            cast("Kind", kind if kind in KINDS else "command"), question.payload, way=Transport.BUS
-        )
+        read = cast("Kind", kind if kind in KINDS else "command")
+        proven = self._process.askers.proven(question)
+        take = robot.read(read, question.payload, way=Transport.BUS, proven=proven)
         if take is not None:
             self._loop.call_soon_threadsafe(take, answer_to(question, waits=False))
 
@@ -134,7 +138,10 @@ class CommonStarts:
         try:
             ask = _read(robot, question)
             name = ask.name
-            trouble = self._against(robot, ask, start) or await self._unready(robot, ask)
+            trouble = self._permitted.refusal_of(robot, question, ask)
+            proven = self._process.askers.proven(question)
+            ask = ask if proven is None else with_proof(ask, proven)
+            trouble = trouble or self._against(robot, ask, start) or await self._unready(robot, ask)
             trouble = trouble or self._against(robot, ask, start)
         except WireError as error:
             trouble = str(error)

@@ -13,9 +13,9 @@ import msgspec
 from fleet.bus import keys
 from fleet.bus.bus import Bus
 from fleet.bus.zenoh_session import Query
-from fleet.clock import Clock
-from fleet.host.process.console_requests import ConsoleRequests
+from fleet.host.process.permitted_requests import PermittedRequests
 from fleet.host.requests.answering import answer_to
+from fleet.host.requests.askers import Askers
 from fleet.host.robot.local_robot import LocalRobot
 from fleet.model.command import Reply, ReplyStatus, Transport
 from fleet.wire.rules import Kind
@@ -27,16 +27,16 @@ KINDS = get_args(Kind)
 class RobotEndpoints:
     """The keys of the robots of one process; on the loop."""
 
-    def __init__(self, edge: str, bus: Bus, clock: Clock) -> None:
+    def __init__(self, edge: str, bus: Bus, askers: Askers) -> None:
         self._edge, self._control = edge, bus.control
         self._loop = asyncio.get_running_loop()
-        self._consoles = ConsoleRequests(bus.consoles, clock)
+        self._askers, self._permitted = askers, PermittedRequests(askers)
 
     def open(self, robot: LocalRobot) -> Callable[[], None]:
         """Show a robot on the bus and take what is asked of it there; returns what ends that."""
         edge, control, opened = self._edge, self._control, contextlib.ExitStack()
         for end in (
-            control.answer(keys.command(edge, robot.name), self._asker(robot), more=keys.CONSOLE),
+            control.answer(keys.command(edge, robot.name), self._asker(robot), more=keys.ASKER),
             control.answer(keys.state(edge, robot.name), self._teller(robot.state)),
             control.answer(keys.description(edge, robot.name), self._teller(robot.describe)),
             control.token(keys.robot(edge, robot.name)),  # the first that ends: it says that it is there
@@ -79,7 +79,7 @@ class RobotEndpoints:
             refusal = f"{kind!r} is no kind of message; one of {', '.join(KINDS)}"
             return partial(answer, Reply(kind, ReplyStatus.REJECTED, refusal))
         way = Transport.CLOUD if question.parameters.get("way") == "cloud" else Transport.BUS
-        refused = self._consoles.refusal(robot, kind, question, way)
+        refused = self._permitted.refusal(robot, kind, question, way)
         if refused is not None:
             return partial(answer, refused)
         take = robot.read(
@@ -88,6 +88,6 @@ class RobotEndpoints:
             way=way,
             request_id=question.parameters.get("id", ""),
             waits=waits,
-            proven=self._consoles.is_proven(question),
+            proven=self._askers.proven(question),
         )
         return question.close if take is None else partial(take, answer)

@@ -25,6 +25,7 @@ from fleet.host.process.robot_runs import RobotRuns
 from fleet.host.process.setpoints import Setpoints
 from fleet.host.process.twin_holders import TwinHolders
 from fleet.host.process.video_relay import relay_video
+from fleet.host.requests.askers import Askers
 from fleet.host.requests.stop_cause import StopCause, local_cause
 from fleet.host.robot.local_robot import LocalRobot
 from fleet.host.robot.report_queue import ReportQueue
@@ -121,7 +122,8 @@ class RobotProcess:
             for robot in self.robots.values():
                 robot.share_space(traffic)
             exchange(traffic, worker or MAIN, bus.control, self.scheduler)
-        self._endpoints = RobotEndpoints(edge, bus, clock)
+        self.askers = Askers(bus.consoles, bus.people, history.add, clock)
+        self._endpoints = RobotEndpoints(edge, bus, self.askers)
         self.holders = TwinHolders(edge, bus.control, self.robots, self.runs, settle=settle, clock=clock)
         self.claims = self.holders.claims
         self.on_stop: Callable[[tuple[str, ...], StopCause], None] = lambda _names, _cause: None
@@ -218,7 +220,7 @@ class RobotProcess:
         if any(robot.runner.leftover for robot in self.robots.values()):
             log.error("an adapter's run does not end: the watchdog ends this process if it never does")
         else:
-            # To the watchdog a wheel that stands is a loop that is stuck.
+            # To the watchdog a scheduler that has stopped is a loop that is stuck.
             self.watchdog.stop()
         self.supervised.close()
 

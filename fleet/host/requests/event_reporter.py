@@ -8,6 +8,7 @@ from __future__ import annotations
 import logging
 from collections.abc import Callable, Mapping
 from types import MappingProxyType
+from typing import TypeVar
 
 import msgspec
 
@@ -31,6 +32,7 @@ LEVELS = MappingProxyType(
 
 _OURS = frozenset({Transport.MISSION, Transport.LOCAL})  # which no message from outside can claim
 Ask = Command | Setpoint | JointSetpoint | Navigate
+AnyAsk = TypeVar("AnyAsk", bound=Ask)
 
 
 def robot_log(name: str) -> logging.Logger:
@@ -44,9 +46,10 @@ def requester_of(origin: Origin) -> Requester:
     return Requester(origin.way, origin.session, origin.source_type, proven=proven)
 
 
-def with_proof(ask: Ask) -> Ask:
-    """Return a request whose sender's name is known to be true."""
-    return msgspec.structs.replace(ask, origin=msgspec.structs.replace(ask.origin, proven=True))
+def with_proof(ask: AnyAsk, name: str) -> AnyAsk:
+    """Return a request whose sender's name is known to be true; empty: the one that the request has."""
+    known = msgspec.structs.replace(ask.origin, session=name or ask.origin.session, proven=True)
+    return msgspec.structs.replace(ask, origin=known)
 
 
 class EventReporter:

@@ -152,7 +152,7 @@ class LocalRobot:
         request_id: str = "",
         waits: bool = False,
         unread: str = "",
-        proven: bool = False,
+        proven: str | None = None,
     ) -> Request | None:
         """Read a message, from any thread; what is returned takes it, on the loop."""
         return self.requests.read(

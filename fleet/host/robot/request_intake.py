@@ -79,14 +79,14 @@ class RequestIntake:
         request_id: str = "",
         waits: bool = False,
         unread: str = "",
-        proven: bool = False,
+        proven: str | None = None,
     ) -> Request | None:
         """Read a message, from any thread; an emergency stop halts and latches there and then.
 
         What is returned takes the message, on the loop: it stops, obeys, answers and records. The answers
         are the receipt, and the end when the asker waits. None for a reply, which asks nothing. What waits
         too long for a loop that is held up is refused. ``unread``: why the payload must not be read;
-        ``proven``: the sender's name is known to be true.
+        ``proven``: the sender's name, where it is known to be true; empty: the one in the message.
         """
         arrived = self._arrival()
         try:
@@ -96,7 +96,7 @@ class RequestIntake:
             return Request(partial(self._refuse, kind, way, name, action_id, str(error)))
         if ask is None:
             return None
-        ask = with_proof(ask) if proven else ask
+        ask = ask if proven is None else with_proof(ask, proven)
         if ask.name == EMERGENCY:
             self._stop_at_once(ask.origin, request_of(ask))
         return Request(partial(self.take, kind, ask, waits, arrived), is_stop(ask), is_discrete(ask))

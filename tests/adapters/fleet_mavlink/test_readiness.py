@@ -98,6 +98,22 @@ def test_an_arming_that_was_refused_just_now_is_told_whatever_the_checks_find(fl
     fly(main())
 
 
+@both
+def test_what_has_just_lost_its_satellites_is_not_ready(fly, sky, flavour):
+    async def main():
+        async with sky(flavour) as it:
+            await it.met()
+            await it.until(lambda: it.state.prearm_ok and it.state.fix)
+            it.sim.set_fault("gps_loss", 1.0)
+            await it.until(lambda: it.state.fix is None, within=3.0)
+            answer = await it.do("check_ready")
+            assert failed(answer) == {"satellites"}, "the estimator loses its position some seconds later"
+            assert answer["checks"][0]["words"][0].startswith("no satellite fix")
+            assert not answer["ready"]
+
+    fly(main())
+
+
 def test_what_is_armed_is_not_asked(fly, sky):
     async def main():
         async with sky("px4") as it:

@@ -165,7 +165,7 @@ def test_halt_alone_brings_it_to_a_standstill_while_the_loop_is_stuck(fly, sky, 
             await it.met()
             await it.do("takeoff")
             await it.drive(FORWARD, 3.0)
-            it.robot.close()  # the wheel stands still: nothing of ours goes on
+            it.robot.close()  # the scheduler stands still: nothing of ours goes on
             height = it.height
             it.adapter.halt()
             await asyncio.sleep(8)

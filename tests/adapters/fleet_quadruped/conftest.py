@@ -106,7 +106,7 @@ def config(**changes):
 
 
 class LiveRobot(RecordingRobot):
-    """A robot whose wheel turns by itself in real time."""
+    """A robot whose periodic calls are made in real time."""
 
     def __init__(self):
         super().__init__("rex")

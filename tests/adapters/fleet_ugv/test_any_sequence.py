@@ -1,4 +1,4 @@
-"""What holds for every base, whatever is asked in whatever order: desk, adapter and board by one clock."""
+"""What holds for every base, whatever is asked in whatever order; all its parts go by one clock."""
 
 import asyncio
 import itertools
@@ -61,7 +61,7 @@ def contract(x, z, milliseconds):
 
 
 class Bench:
-    """A desk, its adapter and a board that all live by one clock, which the test turns."""
+    """A controller, its adapter and a board that all live by one clock, which the test turns."""
 
     def __init__(self, config, machine):
         self.config, self.machine = config, machine
@@ -69,7 +69,7 @@ class Bench:
         self.robot = RecordingRobot()
         self.adapter = create_adapter(UgvAdapter, config, self.robot)
         can = capabilities(UgvAdapter)
-        self.desk = RobotController(
+        self.controller = RobotController(
             config,
             can,
             publish=lambda _: None,
@@ -79,11 +79,11 @@ class Bench:
             clock=self.robot.clock,
         )
         self.limits = config.limits.over(can.limits)
-        self.decoder = RequestDecoder(config, self.desk.speeds.of, planar=True)
+        self.decoder = RequestDecoder(config, self.controller.speeds.of, planar=True)
         self.may_move_until = 0.0
         self.asked = []
         self.heard = 0
-        self.desk.attach(self.adapter)
+        self.controller.attach(self.adapter)
 
     def crashed(self, error):
         raise AssertionError("the adapter crashed") from error
@@ -97,15 +97,15 @@ class Bench:
         self.say(self.board.step(self.now - 1000.0))
         await asyncio.sleep(0)
         self.robot.advance(TICK)
-        if self.desk.deadman.expire(self.now):
-            self.desk.halt()
-            self.desk.motion.lease_ran_out()
+        if self.controller.deadman.expire(self.now):
+            self.controller.halt()
+            self.controller.motion.lease_ran_out()
         for data in self.machine.heard[self.heard :]:
             self.say(self.board.receive(data, self.now - 1000.0))
         self.heard = len(self.machine.heard)
         await asyncio.sleep(0)
         if self.robot.healths and self.robot.healths[-1].level < Level.OFFLINE:
-            self.desk.found()
+            self.controller.found()
         self.check()
 
     def say(self, data):
@@ -129,7 +129,7 @@ class Bench:
             ask = self.decoder.decode("command", json.dumps(message).encode(), way=Transport.CLOUD)
         except WireError:
             return
-        self.desk.receive(ask, Receipt(name, answers.append))
+        self.controller.receive(ask, Receipt(name, answers.append))
         if name in STOP_WORDS:
             self.may_move_until = self.now
         if isinstance(ask, Setpoint) and answers[0].ok:

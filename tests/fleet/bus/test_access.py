@@ -21,7 +21,8 @@ from fleet.testing.waiting import wait_until
 
 OURS = "6f0c9a1e-8d2b-4c57-9a39-2f4a1d0b7c11"
 THEIRS = "0b7e7a52-3c1d-4f08-8f6e-5d2a9c4b1e73"
-ROLES = {"barn": "edge", "arms": "worker", "desk": "console", "planner": "program", "hub": "router"}
+PEOPLE = {"anna": "operate", "vic": "view"}
+ROLES = {"barn": "edge", "arms": "worker", "desk": "console", "planner": "program", "hub": "router", **PEOPLE}
 STRANGER = "stranger"
 BARRIER = "fleet/barrier/stop"
 
@@ -63,20 +64,20 @@ TOKEN = {
     f"fleet/yard/claims/{OURS}/1": {"arms", "hub"},
     f"fleet/barn/claims/{OURS}/1": {"barn", "hub"},
     f"fleet/elsewhere/claims/{OURS}/1": {"hub"},
-    "fleet/yard/starts/1": {"desk", "hub"},
+    "fleet/yard/starts/1": {"desk", "anna", "hub"},
 }
 ASK = {
     "fleet/yard/robots/rex/command": {"desk", "hub"},
     "fleet/*/robots/*/command": {"desk", "hub"},
     "fleet/yard/robots/rex/prepare": {"desk", "hub"},
-    "fleet/yard/starts": {"desk", "hub"},
+    "fleet/yard/starts": {"desk", "anna", "hub"},
     "fleet/yard/robots/rex/state": set(ROLES),
     "fleet/yard/health": set(ROLES),
     "fleet/yard/summary": set(ROLES),
     f"cw/{OURS}/data/position": set(ROLES),
     "fleet/yard/stop": {*ROLES, STRANGER},
     "fleet/yard/robots/rex/video": {"arms", "hub"},
-    "fleet/yard/history": {"desk", "hub"},
+    "fleet/yard/history": {"desk", *PEOPLE, "hub"},
     "fleet/yard/schedules": {"desk", "hub"},
     "fleet/yard/missions/patrol": {"desk", "hub"},
     "fleet/yard/runs/3f2a": {"desk", "hub"},
@@ -84,6 +85,15 @@ ASK = {
     "fleet/yard/runs/3f2a/as/view/desk": {"desk", "hub"},
     "fleet/yard/robots/rex/command/as/view/other": {"hub"},
     "fleet/yard/robots/rex/command/as/root/desk": {"hub"},
+    "fleet/yard/robots/rex/command/as/person/anna": {"anna", "hub"},
+    "fleet/yard/robots/rex/command/as/person/vic": {"vic", "hub"},  # to be refused with words, and to stop
+    "fleet/yard/robots/rex/prepare/as/person/anna": {"anna", "hub"},
+    "fleet/yard/missions/patrol/as/person/anna": {"anna", "hub"},
+    "fleet/yard/runs/3f2a/as/person/vic": {"vic", "hub"},
+    "fleet/yard/schedules/as/person/anna": {"anna", "hub"},
+    "fleet/yard/robots/rex/command/as/admin/anna": {"hub"},
+    "fleet/yard/robots/rex/command/as/person/nobody": {"hub"},
+    "fleet/yard/changes/as/person/anna": {"hub"},
     "fleet/yard/coordinator": {"hub"},
     "fleet/yard/robots/rex/description": set(ROLES),
     "fleet/yard/elsewhere": {"hub"},
@@ -101,6 +111,7 @@ ANSWER = {
     "fleet/yard/robots/max/command/as/view/desk": {"arms", "hub"},
     "fleet/yard/robots/max/video": {"planner", "hub"},
     "fleet/yard/robots/max/prepare": {"arms", "hub"},
+    "fleet/yard/robots/max/prepare/as/person/anna": {"arms", "hub"},
     "fleet/yard/starts": {"arms", "hub"},
     "fleet/yard/history": {"arms", "hub"},
     "fleet/yard/missions/patrol": {"hub"},
@@ -319,6 +330,7 @@ def test_every_key_of_the_fleet_is_given_to_somebody_or_kept():
         "reload",
         "coordinator",
         "as_console",
+        "as_person",
         "changes",
         "frames",
         "failover",

@@ -9,6 +9,7 @@ import pytest
 
 from fleet.bus.settings import BusSettings, runtime_dirs
 from fleet.cli.outline import Outline, outline
+from fleet.cli.stop import _outcomes
 from fleet.client.edges import decoded
 from fleet.errors import BusError
 from fleet.supervisor.protocol import StopAnswer
@@ -183,6 +184,26 @@ def test_the_edge_of_a_broken_file_is_stopped_wherever_it_is(fleet, play_edge, p
     result = fleet("stop", "mule", "-f", "far.yaml")
     assert (result.code, result.out) == (0, "mule: stopped\n")
     assert far.stops == [["mule"]]
+
+
+def test_robots_are_seen_to_stand_also_where_the_file_is_named_otherwise_than_their_edge(
+    fleet, play_edge, place, free_port, monkeypatch
+):
+    endpoint, looks = f"tcp/127.0.0.1:{free_port}", []
+    far = play_edge("far", robots={"mule": {}}, listen=(endpoint,))
+    far.shows_stops = False
+    monkeypatch.setenv("FLEET_RUNTIME_DIR", str(place))
+
+    def look(*given):
+        looks.append(given)
+        if len(looks) == 2:
+            far._stands.add("mule")
+        return _outcomes(*given)
+
+    monkeypatch.setattr("fleet.cli.stop._outcomes", look)
+    (place / "laptop.yaml").write_text(f"edge: {{id: laptop}}\nbus: {{connect: [{endpoint}]}}\n")
+    result = fleet("stop", "mule", "-f", "laptop.yaml")
+    assert (result.code, result.out) == (0, "mule: stopped\n")
 
 
 def test_a_password_that_cannot_be_read_is_told_with_its_edge(fleet, yard, play_edge, place):

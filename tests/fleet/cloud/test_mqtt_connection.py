@@ -89,7 +89,7 @@ def send(connection, box, *topics):
     """Queue a message on each topic, with a request to write it soon."""
     for topic in topics:
         box.spool.put(Outgoing(topic, b"", 1, TrafficClass.EVENT))
-        connection.flush_soon()
+        connection.spaced(connection.flush)
 
 
 async def test_the_first_message_after_a_pause_leaves_at_once_and_those_of_a_stream_share_a_write(

@@ -1,4 +1,4 @@
-"""A robot in memory, and a desk in front of it, with a clock that tests turn."""
+"""A robot in memory, and a controller in front of it, with a clock that tests turn."""
 
 import asyncio
 import contextlib
@@ -120,7 +120,7 @@ class Puppet(Adapter[PuppetConfig]):
 
 
 class Bench:
-    """A desk with a puppet, and everything that came out of it."""
+    """A controller with a fake robot, and everything that came out of it."""
 
     def __init__(self, journal: RobotJournal | None = None, **config: Any) -> None:
         self.clock = ManualClock()
@@ -142,7 +142,7 @@ class Bench:
         self.controller.found()
 
     def ask(self, what: Any, *, waits: bool = False) -> list[Reply]:
-        """Ask the desk; the list fills with the answers."""
+        """Ask the controller; the list fills with the answers."""
         answers: list[Reply] = []
         self.controller.receive(what, Receipt(getattr(what, "name", "navigate"), answers.append, waits=waits))
         return answers
@@ -201,7 +201,7 @@ async def bench() -> Bench:
 async def make_bench() -> AsyncIterator[Callable[..., Bench]]:
     """Return the maker of benches. What one has begun goes on, though nobody names it any more, to the end.
 
-    A desk that is collected with an action under way has its tasks broken off in ways that no process knows.
+    A controller that is collected with an action under way has its tasks broken off as no process does it.
     """
     made: list[Bench] = []
 

@@ -111,7 +111,9 @@ class Rig:
         loop = asyncio.get_running_loop()
         self.process = RobotProcess(
             "yard",
-            SimpleNamespace(control=self.bus_session, reports=self.bus_session, consoles=frozenset()),
+            SimpleNamespace(
+                control=self.bus_session, reports=self.bus_session, consoles=frozenset(), people={}
+            ),
             [RobotSpec(self.config, puppet, "puppet")],
             journal=self.journal,
             history=SimpleNamespace(add=lambda _robot, _event: self.write()),

@@ -59,7 +59,7 @@ class Rex(Adapter[RexConfig]):
 
 
 class Life:
-    """One robot's desk, and a journal of all that happens at it."""
+    """The controller of one robot, and a journal of all that happens at it."""
 
     def __init__(self) -> None:
         self.clock = ManualClock()

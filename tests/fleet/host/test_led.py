@@ -1,4 +1,4 @@
-"""A robot that drives and tells its pose is led by the host, through the desk's clamp and dead-man."""
+"""A robot that drives and tells its pose is led by the host, through the controller's clamp and dead-man."""
 
 import asyncio
 import math
@@ -62,7 +62,7 @@ class Cart(Adapter[CartConfig]):
 
 
 class World:
-    """A cart, its desk, and a loop that makes time pass without waiting."""
+    """A cart, its controller, and a loop that makes time pass without waiting."""
 
     def __init__(self, monkeypatch):
         self.clock = ManualClock()

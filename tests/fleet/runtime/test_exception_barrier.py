@@ -1,4 +1,4 @@
-"""What anybody's code raises, on this side of the wall."""
+"""What an adapter raises, as the host catches it."""
 
 import asyncio
 

@@ -153,13 +153,13 @@ class Bench:
             self.queue.disk.found(topic, rows[0].traffic, len(rows), min(seqs), max(seqs))
 
     def live(self, topic):
-        """Return what stands in memory of a topic, but what is cold."""
-        line = self.queue._lines.get(topic)
-        return [one for one in (*line.back, *line.memory) if not one.gone] if line else []
+        """Return what stands in memory of a topic, but what is on disk alone."""
+        queue = self.queue._queues.get(topic)
+        return [one for one in (*queue.back, *queue.memory) if not one.gone] if queue else []
 
     def on_disk(self, topic):
-        line = self.queue._lines.get(topic)
-        return line.on_disk if line else 0
+        queue = self.queue._queues.get(topic)
+        return queue.on_disk if queue else 0
 
     def lost(self, topic):
         return sum(gap.lost for gap in self.queue.losses.known() if gap.topic == topic)

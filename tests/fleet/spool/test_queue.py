@@ -161,13 +161,13 @@ def test_an_inbox_that_was_answered_is_forgotten(make_bench):
     for number in range(50):
         bench.put(f"inbox/{number}", REPLY)
     bench.send()
-    assert bench.queue._lines == {}
+    assert bench.queue._queues == {}
     bench.put("gone", REPLY)
     bench.send(outcome=Outcome.HELD)
     bench.now += AGES[REPLY]
     bench.queue.tick(bench.now, bench.wall)
     bench.take()
-    assert bench.queue._lines == {}
+    assert bench.queue._queues == {}
     assert bench.queue.idle
 
 
@@ -177,7 +177,7 @@ def test_inboxes_whose_answers_grew_too_old_are_forgotten_also_without_a_connect
         bench.put(f"inbox/{number}", REPLY)
     bench.now += AGES[REPLY]
     bench.queue.tick(bench.now, bench.wall)
-    assert bench.queue._lines == {}
+    assert bench.queue._queues == {}
     assert bench.queue.idle
 
 
@@ -185,7 +185,7 @@ def test_topics_that_were_pushed_out_are_forgotten_and_can_begin_anew(make_bench
     bench = make_bench(messages=1, disk=False)
     for topic in "abcab":
         assert bench.put(topic)
-    assert list(bench.queue._lines) == ["b"]
+    assert list(bench.queue._queues) == ["b"]
     assert bench.online().drain() == numbers(4, 5)
     assert bench.queue.idle
 
@@ -193,7 +193,7 @@ def test_topics_that_were_pushed_out_are_forgotten_and_can_begin_anew(make_bench
 def test_a_message_that_is_refused_leaves_no_topic_behind(make_bench):
     bench = make_bench(disk=False)
     assert not bench.put("huge", EVENT, b"x" * 10**7)
-    assert bench.queue._lines == {}
+    assert bench.queue._queues == {}
 
 
 @pytest.mark.parametrize("disk", [True, False])
@@ -203,7 +203,7 @@ def test_what_was_pushed_out_is_not_kept_in_memory(make_bench, disk):
     for _ in range(100):
         bench.put()
     assert bench.queue.losses.total == 95
-    assert len(bench.queue._lines["t"].memory) == 5
+    assert len(bench.queue._queues["t"].memory) == 5
 
 
 def test_what_came_back_and_was_pushed_out_is_not_kept_in_memory(make_bench):
@@ -214,7 +214,7 @@ def test_what_came_back_and_was_pushed_out_is_not_kept_in_memory(make_bench):
     bench.queue.put_back(bench.take())
     for _ in range(4):
         bench.put()
-    assert [message.payload for message in bench.queue._lines["t"].back] == [b"4"]
+    assert [message.payload for message in bench.queue._queues["t"].back] == [b"4"]
 
 
 def test_memory_holds_no_more_than_its_bound_for_each_kind_of_bound(make_bench):

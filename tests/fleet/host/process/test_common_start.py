@@ -22,7 +22,7 @@ LOADED = 2.0  # s by which a busy computer may be late; ``python -m bench togeth
 
 
 class Asker:
-    """Who starts the robots of a yard, on a lane of its own."""
+    """Who starts the robots of a yard, on a session of its own."""
 
     def __init__(self, place, bus_session):
         self.place, self.bus_session = place, bus_session

@@ -16,7 +16,7 @@ from fleet.wire.samples import json_payload
 
 
 class FakeSession:
-    """A lane whose programs answer when the test says so."""
+    """A session whose programs answer when the test says so."""
 
     def ask_later(self, key, payload, *, timeout, on_answer, on_end):
         self.asked = (key, json.loads(payload), timeout)
@@ -82,7 +82,7 @@ async def test_a_command_that_nobody_carries_out_says_why(bus_session, ask, answ
 
 @pytest.fixture
 def passed_on(make_bench):
-    """Make a desk that passes commands for video on; returns it and what it passed."""
+    """Make a robot that passes commands for video on; returns it and what it passed."""
 
     def passed_on(**config):
         bench, passed = make_bench(**config), []

@@ -179,7 +179,7 @@ def test_a_message_that_cannot_be_read_is_written(written):
 
 @pytest.fixture
 async def served(yard, run_edge, asks):
-    """Run an edge with a robot in its process and one in a worker, and a lane to ask on."""
+    """Run an edge with a robot in its process and one in a worker, and a session to ask on."""
     place = yard(rex=HERE, max={})
     edge = place.edge()
     async with run_edge(edge):

@@ -1,4 +1,4 @@
-"""The wall around one robot, with adapters that fail in every way."""
+"""The exception barrier around one robot, with adapters that fail in every way."""
 
 import asyncio
 import itertools

@@ -63,7 +63,7 @@ class Arm(Adapter[ArmConfig]):
 
 
 class Bench:
-    """A desk in front of an arm."""
+    """A controller in front of an arm."""
 
     def __init__(self, *, measured: bool = True, **config: Any) -> None:
         self.clock = ManualClock()

@@ -1,4 +1,4 @@
-"""The wheel on a loop whose time the test sets: no waiting."""
+"""The scheduler on a loop whose time the test sets: no waiting."""
 
 import asyncio
 import contextlib
@@ -15,7 +15,7 @@ from fleet.testing.clock import ManualClock
 
 
 class TurnedLoop:
-    """The calls of an event loop that the wheel needs; ``turn`` begins a turn, ``step`` makes one call."""
+    """The event loop as the scheduler needs it; ``turn`` begins a turn, ``step`` makes one call."""
 
     def __init__(self):
         self.now = 100.0

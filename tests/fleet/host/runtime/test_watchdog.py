@@ -222,7 +222,7 @@ def test_a_robot_that_drives_when_its_watch_begins_is_stopped_when_its_lease_end
 
 
 class Stuck:
-    """A real loop with its wheel and its watchdog; ``halts`` are the times of the halts of rex."""
+    """A real loop with its scheduler and its watchdog; ``halts`` are the times of the halts of rex."""
 
     def __init__(self):
         self.scheduler = TickScheduler(asyncio.get_running_loop(), SystemClock())

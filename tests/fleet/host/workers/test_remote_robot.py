@@ -21,7 +21,7 @@ DONE = Reply("takeoff", ReplyStatus.ACCEPTED)
 
 
 class Bench:
-    """A robot in a worker, with the worker played by the test on the same lane."""
+    """A robot in a worker, with the worker played by the test on the same session."""
 
     def __init__(self, clock):
         self.clock = clock
@@ -91,7 +91,7 @@ class Bench:
 
 @pytest.fixture
 def bench(bench):
-    """Reuse the desk's clock: it stands still until it is told to go on."""
+    """Reuse the controller's clock: it stands still until it is told to go on."""
     bench = Bench(bench.clock)
     yield bench
     bench.bus_session.close()

@@ -1,4 +1,4 @@
-"""What holds at a desk whatever is asked, in whatever order, and however the robot comes and goes."""
+"""What holds at a controller whatever is asked, in whatever order, and however the robot comes and goes."""
 
 import asyncio
 

@@ -1,0 +1,61 @@
+"""Who asks for missions and runs: checked against the permission, and named as it is known."""
+
+from __future__ import annotations
+
+from collections import deque
+
+import msgspec
+
+from fleet.bus.zenoh_session import Query
+from fleet.errors import Refused
+from fleet.host.requests.askers import Askers
+from fleet.missions.report import ControlAsk, RunState, StartAsk
+from fleet.missions.runs import check_run_id
+from fleet.model.command import Transport
+from fleet.model.event import Requester
+from fleet.model.permission import Permission
+from fleet.runtime.decoding import decode_json
+
+LARGEST = 1 << 20  # bytes of a mission that is sent
+KNOWN = 100  # runs of which it is remembered that the name of who started them is true
+
+
+class MissionAskers:
+    """Reads what is asked of the missions of one edge; from any thread."""
+
+    def __init__(self, askers: Askers) -> None:
+        self._askers = askers
+        self._started: deque[tuple[str, str]] = deque(maxlen=KNOWN)  # runs, by whom
+
+    def start(self, question: Query) -> StartAsk:
+        """Return what is asked, by who may ask it; raises Refused, DecodeError."""
+        if "*" in question.asked:
+            raise Refused("a mission is started on one edge", hint="name the edge and the mission")
+        if len(question.payload) > LARGEST:
+            raise Refused(f"the mission is larger than {LARGEST >> 20} MiB")
+        ask = decode_json(question.payload, StartAsk)
+        if ask.run:
+            check_run_id(ask.run)
+        needed = Permission.OPERATE if ask.mission is None else Permission.ADMIN
+        what = f"mission {question.asked.rpartition('/')[2]}: {question.parameters.get('do')}"
+        if refusal := self._askers.refusal(question, needed, what, claimed=ask.session_id):
+            raise Refused(refusal)
+        proven = self._askers.proven(question)
+        if proven is None:
+            return ask
+        ask = msgspec.structs.replace(ask, session_id=proven or ask.session_id)
+        if ask.run:
+            self._started.append((ask.run, ask.session_id))
+        return ask
+
+    def control(self, question: Query, run: str, ask: ControlAsk) -> ControlAsk:
+        """Return how a run is to be controlled, by who may control it; raises Refused."""
+        what = f"run {run}: {ask.do}"
+        if refusal := self._askers.refusal(question, Permission.OPERATE, what, claimed=ask.session_id):
+            raise Refused(refusal)
+        return msgspec.structs.replace(ask, session_id=self._askers.proven(question) or ask.session_id)
+
+    def starter(self, state: RunState) -> Requester:
+        """Return who started a run, for the history."""
+        proven = state.way == Transport.MISSION or (state.run, state.by) in self._started
+        return Requester(Transport(state.way), state.by, proven=proven)
