@@ -191,7 +191,7 @@ def test_a_tool_that_looks_at_a_held_dog_refuses_and_drops_nothing(dog, monkeypa
     rig.pass_time(0.5)
     bench = Bench(rig)
     monkeypatch.setattr(Cia402Drives, "configure", lambda _self: None)  # it is configured already
-    with pytest.raises(LinkRefused, match="the drives hold the dog, and it would fall: let it down"):
+    with pytest.raises(LinkRefused, match="the drives hold the dog, and it would fall: lower it"):
         BenchSession(dog, bench.buses, bench)
     assert rig.states() == {DriveState.QUICK_STOP}
     assert rig.height > 0.2

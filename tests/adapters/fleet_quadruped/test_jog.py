@@ -107,7 +107,7 @@ def test_a_torque_limit_that_could_not_be_taken_back_is_told(dog, caplog):
     wall.on_the_way = lambda: wall.sim.fault("mute", NUMBER + 1)
     with pytest.raises(LinkLost):
         wall.jogger.move()
-    assert "FR_hip: its torque is limited still; take its power off and on" in caplog.text
+    assert "FR_hip: its torque is still limited; switch its power off and on" in caplog.text
 
 
 def test_a_silent_drive_is_not_moved(wall):

@@ -59,7 +59,7 @@ def test_a_protocol_is_an_entry_point_of_any_package(package, write_dog):
     [
         ("broken", "broken_drives:X", "import nothing_of_this_name", "cannot be loaded: ModuleNotFoundError"),
         ("absent", "absent_drives:X", "", "cannot be loaded: AttributeError"),
-        ("empty", "empty_drives:X", "class X: pass", "no class of joint drives: it has no problems, load"),
+        ("empty", "empty_drives:X", "class X: pass", "not a class of joint drives: it has no problems, load"),
         (
             "mit",
             "mit_drives:X",

@@ -141,7 +141,7 @@ def test_a_reset_does_not_end_an_emergency_stop_that_the_machine_has_not_obeyed(
 def test_a_mode_that_the_description_does_not_name_is_told_and_not_left_alone(standing):
     standing.machine._numbers[Mode.STANDING] = 9
     standing.go(0.2)
-    assert standing.state.warning == "it says mode 9, which modes does not name"
+    assert standing.state.warning == "it reports mode 9, which is not in modes"
     assert not standing.controller.resting
 
 
@@ -294,7 +294,7 @@ def test_a_machine_that_is_asked_to_walk_and_stands_is_told(standing):
     standing.machine.fault("idle")
     standing.go(2.5, Twist(0.5))
     assert standing.state.warning == (
-        f"{standing.walker.robot.name}: asked 0.50 m/s and 0.00 rad/s, tells 0.00 m/s and 0.00 rad/s: "
+        f"{standing.walker.robot.name}: requested 0.50 m/s and 0.00 rad/s, reports 0.00 m/s and 0.00 rad/s: "
         "it is blocked, or does not follow"
     )
     standing.go(0.1)
@@ -313,6 +313,6 @@ def test_a_machine_that_walks_unasked_is_stopped(standing):
     standing.machine.fault("runs")
     standing.go(2.2)
     assert standing.state.fault == (
-        f"{standing.walker.robot.name}: requested to stand still, tells 0.50 m/s and 0.00 rad/s"
+        f"{standing.walker.robot.name}: requested to stand still, reports 0.50 m/s and 0.00 rad/s"
     )
     assert standing.state.mode == "damped"
