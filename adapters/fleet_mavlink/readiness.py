@@ -21,8 +21,7 @@ from fleet_mavlink.texts import WARNING, Sentence
 
 _SAID_FOR = 35.0  # s; ArduPilot repeats its reasons every 30 s
 _REASONS = ("arm", "prearm", "preflight")  # beginnings of an autopilot's reasons against arming
-_FOUND, _REFUSED = "prearm: ", "arm: "  # ArduPilot's prefixes; its health bit is up to 1 s behind its texts
-_REFUSED_FOR = 10.0  # s that a refused arming counts: the log is opened only then, and seems fine after 5 s
+_FOUND, _REFUSED = "prearm: ", "arm: "  # ArduPilot's prefixes of failed checks and of refusals to arm
 _NEED_NOT_BE_TOLD = frozenset({"satellites", "battery"})
 _WORDS_WITHIN = 0.5  # s after the request for the checks
 _BIT_WITHIN = 1.5  # s within which SYS_STATUS arrives, which is sent once a second
@@ -109,12 +108,17 @@ def reasons(sentences: Iterable[Sentence], now: float) -> tuple[str, ...]:
 
 
 def _is_refused(sentences: Iterable[Sentence], asked: float, now: float) -> bool:
-    """Return whether a text refuses arming, regardless of the health bit. ``asked``: time of the request."""
-    since = {_FOUND: asked, _REFUSED: now - _REFUSED_FOR}
+    """Return whether a text refuses arming, regardless of the health bit, which is up to 1 s behind.
+
+    ``asked``: time of the request for the checks. A problem found only on arming, such as a log that does not
+    open, counts for a while: some seconds later the checks no longer find it.
+    """
+    said = [(each.text.lower(), each.at) for each in sentences]
+    found = {text.removeprefix(_FOUND) for text, _ in said if text.startswith(_FOUND)}
     return any(
-        said.at >= at and said.text.lower().startswith(begins)
-        for said in sentences
-        for begins, at in since.items()
+        (text.startswith(_FOUND) and at >= asked)
+        or (text.startswith(_REFUSED) and at >= now - _SAID_FOR and text.removeprefix(_REFUSED) not in found)
+        for text, at in said
     )
 
 

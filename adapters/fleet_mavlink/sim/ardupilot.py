@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from typing import Any, ClassVar
 
@@ -28,6 +29,7 @@ _AMSL_FRAMES = frozenset({0, 5})
 _STOP = (0.0, 0.0, 0.0)
 _LANDED_DISARM = 2.0
 _CHECKS_EVERY = 1.0  # s; RUN_PREARM_CHECKS reports its findings without changing the bit
+_LOG_REOPENS = 5.0  # s after it could not be opened
 _PREARM_EVERY = 30.0
 _PREARM_BIT, _GPS_BIT, _RC_BIT = 0x10000000, 0x20, 0x10000
 
@@ -59,6 +61,7 @@ class ArduPilot(Autopilot):
         self._switch_read = False
         self._prearm_told_at = boot.at
         self._checked_at, self._checks_pass = boot.at, False
+        self._log_failed_at = -math.inf
         self.failsafes = ArduPilotFailsafes(self)
         self.motors_stopped: Manoeuvre | None = None  # to resume when the emergency stop is released
         self.paused: Manoeuvre | None = None  # manoeuvre to resume after DO_PAUSE_CONTINUE
@@ -91,11 +94,19 @@ class ArduPilot(Autopilot):
             found.append("Vehicle outside Polygon fence")
         if self.failsafes.radio_lost:
             found.append("Radio failsafe on")
-        if "log_fails" in self.faults:
+        if self.time - self._log_failed_at < _LOG_REOPENS:
             found.append("Logging failed")
         if not self.age(23.5):
             found.append("EKF3 still initialising")
         return found
+
+    def refusals_to_arm(self, *, force: bool) -> list[str]:
+        """Return the reasons against arming now. The log is opened last, and only on arming."""
+        found = self.refusals(force=force)
+        if found or force or "log_fails" not in self.faults:
+            return found
+        self._log_failed_at = self.time
+        return ["Logging not started"]
 
     def sensors(self) -> tuple[int, int, int]:
         """Return the observed bits, with the present GPS and PREARM_CHECK."""

@@ -53,7 +53,7 @@ def _arm(pilot: ArduPilot, ask: CommandRequest) -> int:
         return _disarm(pilot, force=ask.p2 == FORCE)
     if pilot.armed:
         return ACCEPTED
-    refusals = pilot.refusals(force=ask.p2 in {FORCE, _SKIP_CHECKS})
+    refusals = pilot.refusals_to_arm(force=ask.p2 in {FORCE, _SKIP_CHECKS})
     for refusal in refusals:
         pilot.say(CRITICAL, f"Arm: {refusal}")
     if refusals:

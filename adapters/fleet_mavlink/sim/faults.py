@@ -13,7 +13,7 @@ VEHICLE_FAULTS: Mapping[str, str] = {
     "camera_fails": "no picture can be taken",
     "compass_fails": "a calibration of the compass fails at its end",
     "gps_loss": "no satellites",
-    "log_fails": "ArduPilot cannot write its log, and does not arm",
+    "log_fails": "ArduPilot cannot open its log, as it finds when it is armed, and does not arm",
     "low_battery": "percent that is left from now on",
     "not_ready": "the checks before arming never pass",
     "pilot_takeover": "a pilot switches the mode by remote control",

@@ -37,7 +37,7 @@ def _arm(pilot: SimArduRover, ask: CommandRequest) -> int:
         return ACCEPTED
     if pilot.armed:
         return ACCEPTED
-    refusals = pilot.refusals(force=ask.p2 == FORCE)
+    refusals = pilot.refusals_to_arm(force=ask.p2 == FORCE)
     for refusal in refusals:
         pilot.say(CRITICAL, f"Arm: {refusal}")
     if refusals:

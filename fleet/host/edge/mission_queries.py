@@ -20,7 +20,7 @@ from fleet.missions.filling import mission_state
 from fleet.missions.report import ControlAsk, Controlled, StartAsk, Started, ended_state
 from fleet.missions.runs import Runs
 from fleet.missions.state import Head, Member
-from fleet.missions.store import About, Store, Told
+from fleet.missions.store import About, RunLogEntry, Store
 from fleet.model.command import Transport
 from fleet.runtime.decoding import decode_json
 
@@ -127,7 +127,7 @@ class MissionQueries:
         except Refused as error:
             told(str(error))
 
-    def _answer_story(self, question: Query, run: str, story: list[Told]) -> None:
+    def _answer_story(self, question: Query, run: str, story: list[RunLogEntry]) -> None:
         """Answer with a run's story; none of a run that is another edge's."""
         if story:
             question.reply(_encode(story), keys.run(self._edge, run))

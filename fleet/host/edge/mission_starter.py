@@ -18,7 +18,7 @@ from fleet.missions.program import Program
 from fleet.missions.report import ControlAsk, StartAsk
 from fleet.missions.runs import BACK_WITHIN, Runs
 from fleet.model.command import Transport
-from fleet.schedules.runner import Begun, Wanted
+from fleet.schedules.runner import StartRequest, StartResult
 
 ENDED_WITHIN = 30.0  # s for runs to end that are replaced; with BACK_WITHIN and joining, below START_WITHIN
 LOOK_EVERY = 0.1  # s
@@ -42,14 +42,14 @@ class MissionStarter:
         run = self._run_of(key)
         return run if await asyncio.to_thread(self._runs.store.knows, run) else ""
 
-    async def start(self, wanted: Wanted) -> Begun:
+    async def start(self, wanted: StartRequest) -> StartResult:
         """Start a mission, or say why not; the run is on disk before it returns."""
         run = await self.known(wanted.key)
         if run:
-            return Begun(run)
+            return StartResult(run)
         mission = self._mission(wanted.mission)
         if mission is None:
-            return Begun(refusal=f"there is no mission {wanted.mission!r}")
+            return StartResult(refusal=f"there is no mission {wanted.mission!r}")
         by = f"schedule {wanted.schedule}"
         ask = StartAsk(inputs=dict(wanted.inputs), run=self._run_of(wanted.key), session_id=by)
         try:
@@ -57,9 +57,9 @@ class MissionStarter:
             await self._back()
             busy = await self._busy(mission, program, ask, replace=wanted.replace)
         except Refused as error:
-            return Begun(refusal=error.reason)
+            return StartResult(refusal=error.reason)
         if busy:
-            return Begun(busy=busy)
+            return StartResult(busy=busy)
         return await self._start(mission, program, ask, wanted.without)
 
     def _run_of(self, key: str) -> str:
@@ -98,7 +98,7 @@ class MissionStarter:
 
     async def _start(
         self, mission: Mission, program: Program, ask: StartAsk, without: Mapping[str, str]
-    ) -> Begun:
+    ) -> StartResult:
         """Start a run, and wait until it is on disk."""
         began: asyncio.Future[tuple[Mapping[str, Sequence[str]], str]] = asyncio.Future()
 
@@ -109,8 +109,10 @@ class MissionStarter:
         self._runs.start(mission, program, ask, Transport.MISSION, hear)
         roles, refusal = await began
         if refusal:
-            return Begun(refusal=refusal)
+            return StartResult(refusal=refusal)
         if not await asyncio.to_thread(self._runs.store.knows, ask.run):  # written after it, on one thread
-            return Begun(refusal=self._runs.store.problem)
+            return StartResult(refusal=self._runs.store.problem)
         left_out = self._runs.filling.left_out(mission, roles)
-        return Begun(ask.run, left_out={robot: why for robot, why in without.items() if robot in left_out})
+        return StartResult(
+            ask.run, left_out={robot: why for robot, why in without.items() if robot in left_out}
+        )

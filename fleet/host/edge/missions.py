@@ -196,7 +196,7 @@ class Missions:
         self.partners.declare(self._process.scheduler.every)
         self.coordinators.declare(self._bus_session, self._process.scheduler.every)
         self.runs.take_up()
-        self._process.scheduler.every(LOOK_EVERY, self.runs.turn)
+        self._process.scheduler.every(LOOK_EVERY, self.runs.poll)
         self._process.scheduler.every(TRACK_EVERY, self.results.look)
 
     def stopped(self, names: tuple[str, ...], cause: StopCause) -> None:

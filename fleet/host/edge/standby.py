@@ -140,7 +140,7 @@ class Standby:
         """Return the robots whose emergency stop is set, with its cause."""
         return self._stops.listed
 
-    def vouched(self, epoch: int, until: float) -> None:
+    def permit_writes(self, epoch: int, until: float) -> None:
         """Let the links of this epoch be written to until then; the supervisor's copies of them too."""
         self._process.supervised.write_until(until)
         self._gate.until = until

@@ -65,34 +65,58 @@ def test_the_autopilots_own_words_stand_beside_its_checks(fly, sky, flavour):
     fly(main())
 
 
+async def refused_for_its_log(it):
+    """Let it find that its log does not open; its bit does not show it yet."""
+    await it.met()
+    await it.until(lambda: it.state.prearm_ok and it.state.fix)
+    it.sim.set_fault("log_fails", 1.0)
+    assert (await it.do("check_ready"))["ready"], "it looks at its log only when it is armed"
+    with pytest.raises(Refused, match="Arm: Logging not started"):
+        await it.do("arm")
+
+
+def own_of(answer):
+    (own,) = (each for each in answer["checks"] if each["check"] == "autopilot's own checks")
+    return own["words"]
+
+
 @pytest.mark.parametrize("vehicle", ["plane", "rover", "multirotor"])
 def test_what_ardupilot_says_counts_before_its_bit_shows_it(fly, sky, vehicle):
     async def main():
         async with sky("ardupilot", vehicle=vehicle) as it:
-            await it.met()
-            await it.until(lambda: it.state.prearm_ok and it.state.fix)
-            it.sim.set_fault("log_fails", 1.0)
+            await refused_for_its_log(it)
+            assert it.state.prearm_ok
             answer = await it.do("check_ready")
-            (own,) = (each for each in answer["checks"] if each["check"] == "autopilot's own checks")
-            assert own["words"] == ["PreArm: Logging failed"]
+            assert own_of(answer) == ["Arm: Logging not started", "PreArm: Logging failed"]
             assert not answer["ready"]
 
     fly(main())
 
 
-def test_an_arming_that_was_refused_just_now_is_told_whatever_the_checks_find(fly, sky):
+def test_an_arming_that_was_refused_is_told_though_the_checks_find_nothing(fly, sky):
     async def main():
         async with sky("ardupilot", vehicle="plane") as it:
-            await it.met()
-            await it.until(lambda: it.state.prearm_ok and it.state.fix)
-            it.sim.set_fault("log_fails", 1.0)
-            with pytest.raises(Refused, match="Arm: Logging failed"):
-                await it.do("arm")
-            it.sim.set_fault("log_fails", None)
-            await asyncio.sleep(2.0)
+            await refused_for_its_log(it)
+            await asyncio.sleep(8.0)
+            assert it.state.prearm_ok
             answer = await it.do("check_ready")
-            assert failed(answer) == {"autopilot's own checks"}
-            await asyncio.sleep(10.0)
+            assert own_of(answer) == ["Arm: Logging not started"]
+            assert not answer["ready"]
+            await asyncio.sleep(30.0)
+            assert (await it.do("check_ready"))["ready"], "nobody knows"
+
+    fly(main())
+
+
+def test_a_refusal_that_the_checks_would_find_again_is_over_when_they_do_not(fly, sky):
+    async def main():
+        async with sky("ardupilot", faults={"not_ready": 1.0}) as it:
+            await it.until(lambda: it.robot.is_connected and it.state.prearm_ok is not None)
+            with pytest.raises(Refused, match="Arm: Need Position Estimate"):
+                await it.do("arm")
+            assert not (await it.do("check_ready"))["ready"]
+            it.sim.set_fault("not_ready", None)
+            await asyncio.sleep(3.0)
             assert (await it.do("check_ready"))["ready"]
 
     fly(main())

@@ -71,7 +71,7 @@ def test_a_person_is_asked_whether_to_go_on_without_it(run):
     found = run(go(), then="wait")
     found.reply("beast", Outcome.FAILED, "no").stands("beast", "rover")
     assert found.engine.head.phase is Phase.ASKING
-    assert "Go on without it?" in found.engine.head.question.text
+    assert "Continue without it?" in found.engine.head.question.text
     found.take(Answer(1, goes_on=True, by="anna"))
     assert found.begun()[-1] == ("kestrel", "land")
 
