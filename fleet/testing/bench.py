@@ -115,7 +115,7 @@ def _unblocked() -> Iterator[None]:
         silence = LoopSilence(LOOK)
         while not done.wait(LOOK):
             silence.look(time.monotonic(), turned[0], seen.cpu(), seen.waited())
-            if silence.blamed > BLOCKS:
+            if silence.attributable > BLOCKS:
                 places.add(seen.place())
 
     beat()

@@ -1,8 +1,8 @@
-"""Starts missions for schedules: each firing is one run, whose id is made of the firing's key.
+"""Starts missions for schedules: each firing is one run, whose id is derived from the firing's key.
 
-So a firing that is started again, by this process or by the next one, is the same run: ``missions.db`` knows
-it. A run carries fleet.yaml's authority (``Transport.MISSION``): who wrote there what robots accept, wrote
-the schedule too. Everything else walks the way of any start and any command.
+A firing that is started again, by this process or the next one, is thus the same run, known to
+``missions.db``. A run has fleet.yaml's authority (``Transport.MISSION``): the author of the robots' rules
+also wrote the schedule. Otherwise it is like any other start.
 """
 
 from __future__ import annotations
@@ -20,12 +20,12 @@ from fleet.missions.runs import BACK_WITHIN, Runs
 from fleet.model.command import Transport
 from fleet.schedules.runner import StartRequest, StartResult
 
-ENDED_WITHIN = 30.0  # s for runs to end that are replaced; with BACK_WITHIN and joining, below START_WITHIN
+ENDED_WITHIN = 30.0  # s for replaced runs to end; with BACK_WITHIN and joining, below START_WITHIN
 LOOK_EVERY = 0.1  # s
 
 
 class MissionStarter:
-    """Starts what schedules want. ``described`` calls back, on the loop, once robots said what they take."""
+    """Starts missions for schedules. ``described`` calls back on the loop once robots are described."""
 
     def __init__(
         self,
@@ -43,7 +43,7 @@ class MissionStarter:
         return run if await asyncio.to_thread(self._runs.store.knows, run) else ""
 
     async def start(self, wanted: StartRequest) -> StartResult:
-        """Start a mission, or say why not; the run is on disk before it returns."""
+        """Start a mission, or return why not; the run is on disk before this returns."""
         run = await self.known(wanted.key)
         if run:
             return StartResult(run)
@@ -67,7 +67,7 @@ class MissionStarter:
         return hashlib.blake2b(f"{self._runs.edge}/{key}".encode(), digest_size=6).hexdigest()
 
     async def _back(self) -> None:
-        """Wait for all robots to answer, when the edge has just begun, then for what they take."""
+        """Wait for all robots to be reachable just after the edge's start, then for their descriptions."""
         robots = self._runs.robots.values()
         while self._clock.monotonic() < self._back_until:
             if all(robot.state().reachable for robot in robots):
@@ -78,7 +78,7 @@ class MissionStarter:
         await told.wait()
 
     async def _busy(self, mission: Mission, program: Program, ask: StartAsk, *, replace: bool) -> str:
-        """Return which runs are in the way, once those to be replaced have ended; raises Refused."""
+        """Return the runs in the way, once those to be replaced have ended; raises Refused."""
         until = self._clock.monotonic() + ENDED_WITHIN
         asked: set[str] = set()
         while found := self._runs.filling.in_the_way(mission, program, ask):
