@@ -1,4 +1,4 @@
-"""What a simulated estimator does without satellites, as both autopilots were recorded."""
+"""Simulated estimator without satellites, as recorded with both autopilots."""
 
 from __future__ import annotations
 
@@ -8,11 +8,11 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True, slots=True)
 class Loss:
-    """How one autopilot loses its position. Times are seconds after the satellites are gone.
+    """Loss of position of one autopilot. Times are seconds after the loss of satellites.
 
-    ``shown``: the receiver says so; ``fix``, ``count``, ``error``: what it then says (error in centimetres).
-    ``flags``: the estimator's flags from when on; ``drifts``: when the position begins to run away, with
-    ``pull`` m/s2 up to ``most`` m/s.
+    ``shown``: when the receiver reports it; ``fix``, ``count``, ``error``: its values then (error in
+    centimetres). ``flags``: times and flags of the estimator; ``drifts``: start of the drift, with ``pull``
+    m/s2 up to ``most`` m/s.
     """
 
     shown: float
@@ -31,7 +31,7 @@ GOOD, STARTING = 0x033F, 0x00A7
 
 
 class Drift:
-    """How far the estimated position is east of the true one, m, and how fast it goes away."""
+    """Error of the estimated position to the east, m, and its speed."""
 
     def __init__(self, loss: Loss) -> None:
         self.loss = loss
@@ -39,7 +39,7 @@ class Drift:
         self.speed = 0.0
 
     def tick(self, lost_for: float | None, dt: float) -> None:
-        """Move on; with satellites it is back at once."""
+        """Advance; with satellites the error is gone at once."""
         if lost_for is None:
             self.east = self.speed = 0.0
         elif lost_for > self.loss.drifts:
