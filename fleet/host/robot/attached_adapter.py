@@ -10,38 +10,38 @@ from fleet.runtime.exception_barrier import call_guarded
 
 
 class AttachedAdapter:
-    """The adapter that a robot has now, if any, and what is known of the way to the robot."""
+    """The robot's present adapter, if any, and whether the robot can be reached through it."""
 
     def __init__(self, name: str) -> None:
         self.name = name
         self.adapter: Adapter[Any] | None = None
-        self.offline = "it has not been reached yet"  # why it cannot be asked; empty while it can
+        self.offline = "it has not been reached yet"  # why it cannot be reached; empty while it can
         self._answered = False  # since the adapter's run began
 
     def attach(self, adapter: Adapter[Any]) -> None:
-        """Take the adapter of a fresh run; the robot has not answered through it yet."""
+        """Use the adapter of a new run; the robot has not answered through it yet."""
         self.adapter, self._answered = adapter, False
 
     def detach(self) -> None:
-        """Take the adapter away, at the end of its run."""
+        """Remove the adapter, at the end of its run."""
         self.adapter = None
 
     def answers(self) -> None:
-        """Note that the robot answers: it can be asked from now on."""
+        """Record that the robot answers: it accepts requests from now on."""
         self.offline, self._answered = "", True
 
     @property
     def reachable(self) -> Adapter[Any] | None:
-        """The adapter while the robot can be asked through it; else None."""
+        """The adapter while the robot can be reached through it; else None."""
         return None if self.offline else self.adapter
 
     @property
     def absence(self) -> str:
-        """Why the robot cannot be asked, in a sentence for whoever asked it."""
+        """Why the robot cannot be reached, as an answer."""
         return f"{self.name} is offline: {self.offline or 'its adapter is being restarted'}"
 
     def halt(self, *, emergency: bool = False) -> None:
-        """Have the adapter write its halt at once; from any thread; never raises."""
+        """Make the adapter write its halt at once; from any thread; never raises."""
         adapter = self.adapter
         try:
             if adapter is not None:
@@ -51,7 +51,7 @@ class AttachedAdapter:
 
     @property
     def halt_outcome(self) -> str:
-        """What became of the halt of a robot that cannot be asked."""
+        """Outcome of the halt of an unreachable robot, as text."""
         if self.adapter is None:
             return "the stop was not written: no link to it is open"
         if not self._answered:

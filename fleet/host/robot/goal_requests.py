@@ -1,4 +1,4 @@
-"""The goals of one robot: admitted, begun, paused, resumed and stopped; led by its adapter or by the host."""
+"""Goals of one robot: admitted, started, paused, resumed and stopped; executed by its adapter or the host."""
 
 from __future__ import annotations
 
@@ -23,10 +23,10 @@ from fleet.robot_config import AdapterConfig, Limits
 
 
 class GoalRequests:
-    """Takes goals, and controls of the running action.
+    """Handles goals, and control messages for the running action.
 
-    ``can`` tells what the robot is able to do now, ``stop`` takes a stop, ``repeats`` knows the requests
-    that were answered before. ``follower`` leads a robot that does not navigate by itself.
+    ``can`` has the robot's present capabilities, ``stop`` executes a stop, ``repeats`` has the requests that
+    were answered before. ``follower`` guides a robot that does not navigate by itself.
     """
 
     def __init__(
@@ -59,7 +59,7 @@ class GoalRequests:
         )
 
     def take(self, ask: Navigate, receipt: Receipt) -> None:
-        """Take a goal, or a control of the running action."""
+        """Handle a goal, or a control message for the running action."""
         statuses = self._navigator.statuses
         if isinstance(ask.ask, Control):
             receipt.watch(partial(statuses.controlled, ask))
@@ -81,7 +81,7 @@ class GoalRequests:
         self._navigator.start(leader, ask, ask.ask, receipt)
 
     def unable(self, task: AnyTask) -> str | None:
-        """Return why the robot would not begin a task now, whoever asks for it; None when it would."""
+        """Return why the robot would not start a task now, for any sender; None when it would."""
         can, moving = self._can(), self._motion.executor.moving
         busy = f"busy with {moving}" if moving else None
         refusal = can.cannot(task) or self._guard.task(task) or busy
@@ -90,14 +90,14 @@ class GoalRequests:
         return f"{self._attached.name} does not navigate" + ": it has told no pose" * can.drives
 
     def _leader(self) -> GoalNavigator | None:
-        """Return who leads the robot to a goal: its adapter, or the host; None when neither can."""
+        """Return the navigator of the robot: its adapter, or the host's follower; None when neither can."""
         can = self._can()
         return goal_navigator(
             self._attached.adapter, self.follower, navigates=can.navigates, drives=can.drives
         )
 
     def _lead(self, velocity: Velocity) -> None:
-        """Drive on behalf of the host's own follower; raises Refused once the robot must stand."""
+        """Drive for the host's own follower; raises Refused once the robot must stand."""
         refusal, adapter = self._admission.motion(), self._attached.reachable
         if refusal is not None or adapter is None:
             raise Refused(refusal or self._attached.absence)
@@ -115,7 +115,7 @@ class GoalRequests:
             self._resume(ask, receipt)
 
     def _resume(self, ask: Navigate, receipt: Receipt) -> None:
-        """Go on with the paused action, once for each message that asks it."""
+        """Continue the paused action, once per message."""
         if not self._navigator.statuses.knows(ask.action_id):
             identity = ask.action_id and f"resume {ask.action_id}"
             first = self._repeats.first(identity, receipt, self._clock.monotonic())

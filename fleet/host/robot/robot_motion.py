@@ -1,4 +1,4 @@
-"""The motion of one robot that this edge causes: how it begins, how it ends, how the robot is stopped."""
+"""Motion of one robot that this edge causes: its start, its end, and the stop of the robot."""
 
 from __future__ import annotations
 
@@ -20,11 +20,11 @@ from fleet.model.report import NavigationReport
 
 
 class RobotMotion:
-    """Everything that moves one robot because of us.
+    """All motion of one robot that this edge causes.
 
-    ``driving`` holds velocities and leads joints, ``executor`` runs commands, ``navigator`` runs actions.
-    ``in_control``: the robot was moved through this edge, and nobody else has taken it since.
-    ``may_be_moving``: it moved because of us when it was lost, and may still.
+    ``driving`` holds velocities and joint targets, ``executor`` runs commands, ``navigator`` runs actions.
+    ``in_control``: this edge has moved the robot, and no other party has taken it since.
+    ``may_be_moving``: this edge moved it when it was lost, and it may still be moving.
     """
 
     def __init__(
@@ -59,45 +59,45 @@ class RobotMotion:
 
     @property
     def activity(self) -> str:
-        """What the robot is doing for somebody, in a word or two; empty when nothing."""
+        """Short text about the robot's activity; empty without any."""
         return self.navigator.activity or self.executor.moving or self.driving.activity
 
     @property
     def under_way(self) -> bool:
-        """True while the robot moves, or may move, because of us."""
+        """True while the robot moves, or may move, because of this edge."""
         return bool(self.driving.activity or self.executor.moving or self.navigator.active)
 
     def begin(self, ask: Ask) -> None:
-        """Note that the robot moves for a request from now on: it is ours."""
+        """Record the request for which the robot moves from now on; it is under our control."""
         self.in_control, self._stop_unconfirmed = True, False
         self._event_reporter.moves(ask)
 
     def end_driving(self, adapter: Adapter[Any]) -> None:
-        """End a velocity that is held, or was until its lease ran out, before the robot moves otherwise."""
+        """End a velocity, or the rest of one with an expired lease, before the robot moves in another way."""
         self.driving.joints.end()
         if not self._guard.held.is_zero:
             self.driving.stand(adapter)
 
     def cancel(self, stop: str) -> None:
-        """End what is under way, because of a stop of this name; ``stand`` follows."""
+        """Cancel all motion because of this stop; ``stand`` follows."""
         self.executor.cancel(f"superseded by {stop}")
         self.navigator.cancel(f"stopped by {stop}")
         self.driving.let_go()
 
     def fail(self, why: str) -> None:
-        """End what is under way, as failed; the robot itself is not stopped here."""
+        """End all motion as failed; this does not stop the robot itself."""
         self._event_reporter.ended()
         self.driving.let_go()
         self.executor.cancel(why)
         self.navigator.fail(why)
 
     def lost(self) -> None:
-        """Note that the robot is out of reach: whether it may go on moving, since nothing can stop it now."""
+        """Record whether the robot may keep moving while it is out of reach, where nothing can stop it."""
         moving = self.under_way or self.executor.stopping or self._stop_unconfirmed
         self.may_be_moving = moving and not self.executor.safe
 
     def found(self) -> None:
-        """Stop a robot that was lost in motion and is back: it may be moving still."""
+        """Stop a robot that was lost in motion and is back: it may still be moving."""
         if self.may_be_moving:
             self.may_be_moving = False
             self.settle_later("it was lost while it moved", anyway=True)
@@ -109,7 +109,7 @@ class RobotMotion:
         if adapter is not None and not self.under_way:
             self.driving.stand(adapter)
 
-    # -- to a standstill -----------------------------------------------------------------------------
+    # -- standstill ----------------------------------------------------------------------------------
 
     async def hold(self, why: str) -> None:
         """Bring the robot to a standstill in time, or halt it; raises CommandError, LinkError, a crash."""
@@ -123,25 +123,25 @@ class RobotMotion:
         self._stop_unconfirmed = False
 
     def stand(self, why: str, receipt: Receipt) -> None:
-        """Bring the robot to a standstill and answer once it stands; what is asked meanwhile waits."""
+        """Bring the robot to a standstill, then answer; later moving requests wait for that."""
         self.executor.stop(self._hold_and_answer(why, receipt), why)
 
     async def _hold_and_answer(self, why: str, receipt: Receipt) -> None:
         """Bring the robot to a standstill, and answer."""
 
-        def absence() -> str:  # as it is once the robot stands: an adapter says nothing of a lost link
+        def absence() -> str:  # evaluated at standstill: adapters do not report a lost link
             return self._attached.absence if self._attached.offline else ""
 
         await answer_stop(self.hold(why), receipt, absence=absence, crashed=self._crashed)
 
     def settle_later(self, why: str, *, anyway: bool = False) -> None:
-        """Begin to ``settle``; what is asked meanwhile waits for its end."""
+        """Start ``settle`` as a stop; later moving requests wait for its end."""
         self.executor.stop(self.settle(why, anyway=anyway), "stop")
 
     async def settle(self, why: str, *, anyway: bool = False) -> None:
-        """Bring the robot to a standstill that nobody asked for, after something failed.
+        """Bring the robot to a standstill after a failure, without a request.
 
-        One that is not ours is left alone, unless ``anyway``.
+        A robot that is not under our control is left alone, unless ``anyway``.
         """
         if anyway or self.in_control:
             self._event_reporter.log.warning("%s: it is brought to a standstill", why)

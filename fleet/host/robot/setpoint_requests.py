@@ -1,4 +1,4 @@
-"""The streams that move one robot: velocities and joint targets, admitted and handed to what holds them."""
+"""Motion streams of one robot: velocities and joint targets, admitted and passed to their control."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from fleet.model.command import JointSetpoint, Setpoint
 
 
 class SetpointRequests:
-    """Takes the setpoints of one robot; ``can`` tells what the robot is able to do now."""
+    """Handles the setpoints of one robot; ``can`` has its present capabilities."""
 
     def __init__(
         self,
@@ -34,7 +34,7 @@ class SetpointRequests:
         self._last = last
 
     def velocity(self, ask: Setpoint, receipt: Receipt) -> None:
-        """Take a velocity: the newest wins, at once; a zero that comes late ends motion, and no more."""
+        """Handle a velocity: the newest wins at once; a late zero only ends motion."""
         untimely = self._admission.is_untimely_zero(ask)
         judge = self._admission.untimely_zero if untimely else self._admission.setpoint
         adapter = self._adapter_for(self._can().refusal(ask.velocity) or judge(ask), receipt)
@@ -42,7 +42,7 @@ class SetpointRequests:
             return
         motion = self._motion
         if untimely:
-            if motion.under_way:  # end it, all keys included; one that stands is told nothing
+            if motion.under_way:  # end it, with all keys; a standing robot gets nothing
                 motion.navigator.cancel("teleoperation took over")
                 motion.driving.stand(adapter)
             receipt.done()
@@ -54,7 +54,7 @@ class SetpointRequests:
             self._last.accepted(ask.name)
 
     def joints(self, ask: JointSetpoint, receipt: Receipt) -> None:
-        """Take joint targets: each joint has its newest, until its lease runs out."""
+        """Handle joint targets: each joint holds its newest one until the lease ends."""
         adapter = self._adapter_for(self._can().joint_refusal or self._admission.joints(ask), receipt)
         if adapter is not None:
             self._motion.begin(ask)
@@ -62,7 +62,7 @@ class SetpointRequests:
                 self._last.accepted(ask.name)
 
     def _adapter_for(self, refusal: str | None, receipt: Receipt) -> Adapter[Any] | None:
-        """Return the adapter that takes a setpoint; None when it is refused, for this or another reason."""
+        """Return the adapter for a setpoint; None if it is refused, for this or another reason."""
         moving, adapter = self._motion.executor.moving, self._attached.reachable
         if refusal is None and moving:
             refusal = f"busy with {moving}; send stop first"
