@@ -53,12 +53,13 @@ def checks(
     fix, troubles = state.fix_now(now), position_troubles(state, now)
     percent = state.battery.percent
     sentences = [said for said in sentences if said.severity <= WARNING]  # of what is switched off, too
-    passed = state.prearm_ok and not _is_refused(sentences, asked, now)
+    standing = _standing(sentences, asked, now)
+    passed = state.prearm_ok and not standing
     return [
         _satellites(state, fix, troubles),
         Check("home", state.home is not None),
         Check("position", flavour.position_usable(state, now), troubles),  # in the words of its health
-        Check("autopilot's own checks", passed, reasons(sentences, now) if not passed else ()),
+        Check("autopilot's own checks", passed, () if passed else standing or reasons(sentences, now)),
         Check("mode", True, (_mode_words(mode, flavour),)),
         Check("fail-safe", not state.failsafe),
         Check("control", not lost_to, (f"taken in {lost_to}",) if lost_to else ()),
@@ -107,18 +108,25 @@ def reasons(sentences: Iterable[Sentence], now: float) -> tuple[str, ...]:
     return tuple(dict.fromkeys(text for text in lately if text.lower().startswith(_REASONS)))
 
 
-def _is_refused(sentences: Iterable[Sentence], asked: float, now: float) -> bool:
-    """Return whether it says that it would not arm, whatever its bit shows, which is up to 1 s behind.
+def _standing(sentences: Iterable[Sentence], asked: float, now: float) -> tuple[str, ...]:
+    """Return what ArduPilot says against arming now, whatever its bit shows, which is up to 1 s behind.
 
     ``asked``: when it was asked to check itself. What it finds only when it is armed, as that its log does
     not open, counts for a while: some seconds later its checks find nothing again.
     """
-    said = [(each.text.lower(), each.at) for each in sentences]
-    found = {text.removeprefix(_FOUND) for text, _ in said if text.startswith(_FOUND)}
-    return any(
-        (text.startswith(_FOUND) and at >= asked)
-        or (text.startswith(_REFUSED) and at >= now - _SAID_FOR and text.removeprefix(_REFUSED) not in found)
-        for text, at in said
+    said = [(each.text, each.text.lower(), each.at) for each in sentences]
+    found = {text.removeprefix(_FOUND) for _, text, _ in said if text.startswith(_FOUND)}
+    return tuple(
+        dict.fromkeys(
+            words
+            for words, text, at in said
+            if (text.startswith(_FOUND) and at >= asked)
+            or (
+                text.startswith(_REFUSED)
+                and at >= now - _SAID_FOR
+                and text.removeprefix(_REFUSED) not in found
+            )
+        )
     )
 
 

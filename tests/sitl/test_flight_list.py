@@ -54,6 +54,19 @@ def written(address, lines):
 
 @pytest.mark.sitl
 @pytest.mark.timeout(1800)
+@pytest.mark.parametrize("address", ADDRESSES or [None])
+async def test_a_ground_station_pauses_a_vehicle_whoever_moves_it(sitl, module_at, address):
+    assert address, "say where the autopilot is: FLEET_SITL=udpin:0.0.0.0:14550"
+    link, _, system = address.partition("#")
+    pauses = module_at("sitl/pause_list.py")
+    with contextlib.closing(pauses.Station()) as station:
+        async with sitl(link, int(system or 1), FAST, watchers=[station.watcher]) as it:
+            for step in pauses.STEPS:
+                await step(it, station)
+
+
+@pytest.mark.sitl
+@pytest.mark.timeout(1800)
 @pytest.mark.parametrize("loss", ["satellites", "battery"])
 @pytest.mark.parametrize("address", ADDRESSES or [None])
 async def test_a_loss_is_told_with_its_reason(sitl, module_at, address, loss):
@@ -79,16 +92,3 @@ async def test_a_vehicle_that_another_station_moves_is_stopped(sitl, module_at, 
         other = module_at("sitl/other_station.py").OtherStation(it)
         for step in module_at("sitl/stop_list.py").steps_for(it):
             await step(it, other)
-
-
-@pytest.mark.sitl
-@pytest.mark.timeout(1800)
-@pytest.mark.parametrize("address", ADDRESSES or [None])
-async def test_a_ground_station_pauses_a_vehicle_whoever_moves_it(sitl, module_at, address):
-    assert address, "say where the autopilot is: FLEET_SITL=udpin:0.0.0.0:14550"
-    link, _, system = address.partition("#")
-    pauses = module_at("sitl/pause_list.py")
-    with contextlib.closing(pauses.Station()) as station:
-        async with sitl(link, int(system or 1), FAST, watchers=[station.watcher]) as it:
-            for step in pauses.STEPS:
-                await step(it, station)

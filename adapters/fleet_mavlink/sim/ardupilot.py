@@ -70,12 +70,12 @@ class ArduPilot(Autopilot):
 
     @property
     def _gps_found(self) -> bool:
-        return self.age(10.0)
+        return self.uptime.reached(10.0)
 
     @property
     def initialised(self) -> bool:
         """True after "ArduPilot Ready"."""
-        return self.age(2.45)
+        return self.uptime.reached(2.45)
 
     def refusals(self, *, force: bool) -> list[str]:
         """Return why the motors cannot be armed in this mode; force skips the checks after the start."""
@@ -96,7 +96,7 @@ class ArduPilot(Autopilot):
             found.append("Radio failsafe on")
         if self.time - self._log_failed_at < _LOG_REOPENS:
             found.append("Logging failed")
-        if not self.age(23.5):
+        if not self.uptime.reached(23.5):
             found.append("EKF3 still initialising")
         return found
 
@@ -110,7 +110,7 @@ class ArduPilot(Autopilot):
 
     def sensors(self) -> tuple[int, int, int]:
         """Return the bits that were seen, with GPS and PREARM_CHECK as they are now."""
-        healthy = 0x4770FC0F | (_GPS_BIT if self.gps_fix else 0)
+        healthy = 0x4770FC0F | (_GPS_BIT if self.gps.fix else 0)
         healthy |= 0 if self.failsafes.radio_lost else _RC_BIT
         if self._checks_pass:
             healthy |= _PREARM_BIT
@@ -193,8 +193,8 @@ class ArduPilot(Autopilot):
             dn, de, dd = turned(position, self.body.heading) if frame in _BODY_FRAMES else position
             return self.body.north + dn, self.body.east + de, self.body.down + dd
         if frame in _RELATIVE_FRAMES and self.home is not None:
-            return self.ned_of(x, y, z + self.home[2])
-        return self.ned_of(x, y, z) if frame in _AMSL_FRAMES else None
+            return self.frame.ned_of(x, y, z + self.home[2])
+        return self.frame.ned_of(x, y, z) if frame in _AMSL_FRAMES else None
 
     # by itself
 
@@ -229,10 +229,10 @@ class ArduPilot(Autopilot):
         if not self.initialised:
             return
         self.say_once(INFO, "ArduPilot Ready")
-        if not self._switch_read and self.age(2.6):
+        if not self._switch_read and self.uptime.reached(2.6):
             self._switch_read = True
             self.enter(self.modes[self.switched_mode])
-        if self.home is None and self.age(20.0) and self.gps_fix:
+        if self.home is None and self.uptime.reached(20.0) and self.gps.fix:
             self.say_once(INFO, "EKF3 IMU0 origin set")
             self.set_home()
         if self.has_position:

@@ -132,7 +132,7 @@ def _reposition(pilot: ArduPilot, ask: CommandRequest) -> int:
         return DENIED
     if pilot.mode.name != "GUIDED" and not (whole(ask.p2) & 1 and pilot.change_mode(MODES["GUIDED"].custom)):
         return DENIED
-    place = pilot.ned_of(ask.latitude, ask.longitude, ask.altitude + above_home * pilot.home[2])
+    place = pilot.frame.ned_of(ask.latitude, ask.longitude, ask.altitude + above_home * pilot.home[2])
     if not pilot.flying or not all(map(math.isfinite, place)):
         return DENIED
     if pilot.outside_fence(place):

@@ -47,7 +47,7 @@ def requested(pilot: Autopilot, message_id: int) -> object:
     """Return the message that REQUEST_MESSAGE names, None where there is none or nothing to tell."""
     gimbal = pilot.equipment.gimbal
     if message_id == mav.MAVLINK_MSG_ID_GIMBAL_MANAGER_INFORMATION:
-        return None if gimbal is None else gimbal.information(pilot.boot_ms)
+        return None if gimbal is None else gimbal.information(pilot.uptime.ms)
     build = BUILDERS.get(message_id)
     return build(pilot) if build is not None else None
 

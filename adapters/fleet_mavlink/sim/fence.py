@@ -30,7 +30,7 @@ def polygons(pilot: Autopilot, command: int) -> Iterator[Polygon]:
 
 def _corner(pilot: Autopilot, item: Item) -> tuple[float, float]:
     """Return one corner as a local position."""
-    north, east, _ = pilot.ned_of(item.x / 1e7, item.y / 1e7, pilot.place[2])
+    north, east, _ = pilot.frame.ned_of(item.x / 1e7, item.y / 1e7, pilot.place[2])
     return north, east
 
 

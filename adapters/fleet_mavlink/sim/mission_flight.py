@@ -32,7 +32,7 @@ def place_of_item(pilot: Autopilot, item: Item) -> tuple[float, float, float]:
         latitude, longitude, _ = pilot.geo()
     else:
         latitude, longitude = item.x / 1e7, item.y / 1e7
-    return pilot.ned_of(latitude, longitude, altitude)
+    return pilot.frame.ned_of(latitude, longitude, altitude)
 
 
 def _go(pilot: Autopilot, item: Item) -> Manoeuvre:

@@ -104,7 +104,7 @@ def _reposition(pilot: SimArduPlane, ask: CommandRequest) -> int:
     above = None if ask.frame is None else _ABOVE_HOME.get(ask.frame)
     if above is None or pilot.home is None or not math.isfinite(ask.latitude + ask.longitude):
         return DENIED
-    north, east, down = pilot.ned_of(ask.latitude, ask.longitude, ask.altitude + above * pilot.home[2])
+    north, east, down = pilot.frame.ned_of(ask.latitude, ask.longitude, ask.altitude + above * pilot.home[2])
     if pilot.outside_fence((north, east, down)):
         return DENIED
     guided = pilot.modes["GUIDED"].custom

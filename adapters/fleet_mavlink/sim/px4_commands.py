@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from pymavlink.dialects.v20 import all as mav
 
-from fleet_mavlink.sim.autopilot import Geo, Handler, accept
+from fleet_mavlink.sim.autopilot import Handler, accept
 from fleet_mavlink.sim.command_request import (
     ACCEPTED,
     DENIED,
@@ -27,6 +27,7 @@ from fleet_mavlink.sim.common_commands import (
     requested,
     turn_gimbal,
 )
+from fleet_mavlink.sim.local_frame import Geo
 from fleet_mavlink.sim.manoeuvres import GoTo, Idle, Manoeuvre
 from fleet_mavlink.sim.px4_modes import MODES, MODES_BY_NUMBER
 from fleet_mavlink.sim.px4_takeoff import Px4Takeoff
@@ -151,7 +152,7 @@ def _go(pilot: SimPx4, place: Geo, *, heading: float, speed: float) -> int:
     if result != ACCEPTED or not pilot.flying or not pilot.armed:
         return result
     wanted = [new if math.isfinite(new) else now for new, now in zip(place, pilot.geo(), strict=True)]
-    north, east, down = pilot.ned_of(*wanted)
+    north, east, down = pilot.frame.ned_of(*wanted)
     turned = heading if math.isfinite(heading) else None
     pilot.manoeuvre = GoTo(north, east, down, heading=turned, speed=speed if speed > 0.0 else None)
     return ACCEPTED

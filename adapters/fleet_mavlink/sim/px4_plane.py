@@ -9,7 +9,7 @@ from typing import ClassVar
 
 from pymavlink.dialects.v20 import all as mav
 
-from fleet_mavlink.sim.autopilot import Autopilot, Geo, Handler
+from fleet_mavlink.sim.autopilot import Autopilot, Handler
 from fleet_mavlink.sim.command_request import (
     ACCEPTED,
     TEMPORARILY_REJECTED,
@@ -17,6 +17,7 @@ from fleet_mavlink.sim.command_request import (
     CommandRequest,
     whole,
 )
+from fleet_mavlink.sim.local_frame import Geo
 from fleet_mavlink.sim.manoeuvres import TAKING_OFF, Idle, Manoeuvre
 from fleet_mavlink.sim.modes import Mode
 from fleet_mavlink.sim.physics import Agility
@@ -166,7 +167,7 @@ class SimPx4Plane(SimPx4):
         if result != ACCEPTED or not self.flying or not self.armed:
             return result
         wanted = [new if math.isfinite(new) else now for new, now in zip(place, self.geo(), strict=True)]
-        north, east, down = self.ned_of(*wanted)
+        north, east, down = self.frame.ned_of(*wanted)
         self.manoeuvre = Circle(north, east, down + _LOW, self.circle_radius, speed if speed > 0.0 else None)
         return ACCEPTED
 
@@ -175,7 +176,7 @@ class SimPx4Plane(SimPx4):
         asked, self.takeoff = self.takeoff, None
         if isinstance(asked, Px4Takeoff) and self.body.grounded:
             self.say(INFO, "Takeoff on runway")
-            self.manoeuvre = RunwayTakeoff(self.down_of(asked.altitude))
+            self.manoeuvre = RunwayTakeoff(self.frame.down_of(asked.altitude))
         elif isinstance(asked, Px4Takeoff):
             self.enter(self.modes["LOITER"])
         elif asked is not None:

@@ -21,7 +21,7 @@ class Px4Takeoff(Takeoff):
     """Climb to ``altitude``, m AMSL as the vehicle estimates it; ``detected`` once it says so."""
 
     def __init__(self, pilot: Autopilot, altitude: float) -> None:
-        super().__init__(pilot, pilot.down_of(altitude))
+        super().__init__(pilot, pilot.frame.down_of(altitude))
         self.altitude = altitude
         grounded = pilot.body.grounded
         running = pilot.armed and pilot.time - pilot.armed_at > pilot.spin_up
@@ -41,7 +41,7 @@ def watch(pilot: SimPx4) -> None:
     if not flown.detected and pilot.time >= flown.detected_at:
         flown.detected = True
         pilot.takeoff_detected()
-        flown.down = pilot.down_of(flown.altitude)
+        flown.down = pilot.frame.down_of(flown.altitude)
     if pilot.flying and pilot.body.down - flown.down <= pilot.params["NAV_MC_ALT_RAD"]:
         pilot.takeoff_ended(GoTo(flown.north, flown.east, flown.down, heading=flown.heading))
 

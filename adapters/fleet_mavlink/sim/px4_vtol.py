@@ -9,8 +9,9 @@ from typing import ClassVar
 
 from pymavlink.dialects.v20 import all as mav
 
-from fleet_mavlink.sim.autopilot import Boot, Geo, Handler
+from fleet_mavlink.sim.autopilot import Boot, Handler
 from fleet_mavlink.sim.command_request import ACCEPTED, DENIED, CommandRequest, whole
+from fleet_mavlink.sim.local_frame import Geo
 from fleet_mavlink.sim.manoeuvres import GoTo, Manoeuvre
 from fleet_mavlink.sim.modes import Mode
 from fleet_mavlink.sim.plane_moves import Ahead
@@ -119,7 +120,7 @@ class SimPx4Vtol(SimPx4Plane):
             wanted = [new if math.isfinite(new) else now for new, now in zip(place, self.geo(), strict=True)]
             still = not any(map(math.isfinite, place))
             if not still and not self._leaves:
-                north, east, down = self.ned_of(*wanted)
+                north, east, down = self.frame.ned_of(*wanted)
                 self.manoeuvre = GoTo(north, east, down, speed=speed if speed > 0.0 else None)
         return result
 

@@ -85,7 +85,7 @@ def _reposition(pilot: SimQuadPlane, ask: CommandRequest) -> int:
     if pilot.mode.name != "GUIDED" and not (whole(ask.p2) & 1 and pilot.change_mode(guided)):
         return FAILED
     if pilot.flying:
-        pilot.go_to(*pilot.ned_of(ask.latitude, ask.longitude, ask.altitude + above * pilot.home[2]))
+        pilot.go_to(*pilot.frame.ned_of(ask.latitude, ask.longitude, ask.altitude + above * pilot.home[2]))
     return ACCEPTED
 
 

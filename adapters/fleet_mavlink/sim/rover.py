@@ -133,7 +133,7 @@ class SimArduRover(ArduPilot):
         """Return the drive to a place: global above home, or local."""
         x, y, z = setpoint.position or (0.0, 0.0, 0.0)
         if setpoint.frame in _RELATIVE_FRAMES:
-            x, y, _ = self.ned_of(x, y, z)
+            x, y, _ = self.frame.ned_of(x, y, z)
         return RollTo(x, y)
 
     def watch_idle(self) -> None:

@@ -62,7 +62,7 @@ def _reposition(pilot: SimArduRover, ask: CommandRequest) -> int:
     guided = pilot.modes["GUIDED"].custom
     if pilot.mode.name != "GUIDED" and not (whole(ask.p2) & 1 and pilot.change_mode(guided)):
         return DENIED
-    north, east, _ = pilot.ned_of(ask.latitude, ask.longitude, 0.0)
+    north, east, _ = pilot.frame.ned_of(ask.latitude, ask.longitude, 0.0)
     pilot.manoeuvre = RollTo(north, east)
     return ACCEPTED
 

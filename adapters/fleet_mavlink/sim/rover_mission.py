@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 
 def _roll(pilot: Autopilot, item: Item) -> Manoeuvre:
-    north, east, _ = pilot.ned_of(item.x / 1e7, item.y / 1e7, 0.0)
+    north, east, _ = pilot.frame.ned_of(item.x / 1e7, item.y / 1e7, 0.0)
     return RollTo(north, east)
 
 

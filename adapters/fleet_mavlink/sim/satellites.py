@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 
@@ -52,3 +53,43 @@ class Drift:
             if passed:
                 return passed[-1]
         return GOOD if usable else STARTING
+
+
+class GpsReceiver:
+    """The satellite receiver of one vehicle, and the drift of the estimated position without satellites.
+
+    ``is_off`` returns True while the receiver is switched off, ``found`` True once it has found satellites
+    after boot; ``now`` returns the simulation's time, s.
+    """
+
+    def __init__(
+        self,
+        loss: Loss,
+        now: Callable[[], float],
+        *,
+        is_off: Callable[[], bool],
+        found: Callable[[], bool],
+    ) -> None:
+        self.drift = Drift(loss)
+        self._now = now
+        self._is_off = is_off
+        self._found = found
+        self._lost_at: float | None = None
+
+    @property
+    def fix(self) -> bool:
+        """True while the receiver has a position."""
+        return self._found() and not self._is_off()
+
+    @property
+    def lost_for(self) -> float | None:
+        """Seconds since the satellites were lost, None while there are some."""
+        return None if self._lost_at is None else self._now() - self._lost_at
+
+    def tick(self, dt: float) -> None:
+        """Note the loss of satellites, and let the estimate drift for ``dt`` seconds."""
+        if not self._is_off():
+            self._lost_at = None
+        elif self._lost_at is None:
+            self._lost_at = self._now()
+        self.drift.tick(self.lost_for, dt)

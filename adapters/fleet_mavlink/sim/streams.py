@@ -46,21 +46,21 @@ def sys_status(pilot: Autopilot) -> object:
 
 def gps_raw_int(pilot: Autopilot) -> object:
     """GPS_RAW_INT: what the receiver measures, with noise."""
-    lost, loss = pilot.without_gps, pilot.loss
+    lost, loss = pilot.gps.lost_for, pilot.loss
     if lost is not None and lost >= loss.shown:
         place = tuple(int(each * scale) for each, scale in zip(pilot.geo(), (1e7, 1e7, 1e3), strict=True))
         return mav.MAVLink_gps_raw_int_message(
-            pilot.boot_us, loss.fix, *place, loss.error, loss.error, 0, 65535, loss.count
+            pilot.uptime.us, loss.fix, *place, loss.error, loss.error, 0, 65535, loss.count
         )
-    if not pilot.gps_fix and lost is None:
+    if not pilot.gps.fix and lost is None:
         unknown = 65535
         return mav.MAVLink_gps_raw_int_message(
-            pilot.boot_us, 1 if pilot.initialised else 0, 0, 0, 0, unknown, unknown, unknown, unknown, 0
+            pilot.uptime.us, 1 if pilot.initialised else 0, 0, 0, 0, unknown, unknown, unknown, unknown, 0
         )
     latitude, longitude, altitude = pilot.geo()
     noise = pilot.random.gauss(0.0, 1.0)
     return mav.MAVLink_gps_raw_int_message(
-        pilot.boot_us,
+        pilot.uptime.us,
         pilot.fix_type,
         int(latitude * 1e7 + noise),
         int(longitude * 1e7 - noise),
@@ -81,18 +81,18 @@ def global_position_int(pilot: Autopilot) -> object:
     """GLOBAL_POSITION_INT: the estimate; ArduPilot says 0/0 before it has an origin."""
     if not pilot.origin_set:
         return mav.MAVLink_global_position_int_message(
-            pilot.boot_ms, 0, 0, 0, 0, 0, 0, 0, _heading_cdeg(pilot)
+            pilot.uptime.ms, 0, 0, 0, 0, 0, 0, 0, _heading_cdeg(pilot)
         )
-    latitude, longitude, altitude = pilot.geo(pilot.drift.east)
+    latitude, longitude, altitude = pilot.geo(pilot.gps.drift.east)
     body = pilot.body
     return mav.MAVLink_global_position_int_message(
-        pilot.boot_ms,
+        pilot.uptime.ms,
         int(latitude * 1e7),
         int(longitude * 1e7),
         int(altitude * 1000),
         int(pilot.height_over_home() * 1000),
         int(body.vn * 100),
-        int((body.ve + pilot.drift.speed) * 100),
+        int((body.ve + pilot.gps.drift.speed) * 100),
         int(body.vd * 100),
         _heading_cdeg(pilot),
     )
@@ -103,13 +103,13 @@ def local_position_ned(pilot: Autopilot) -> object:
 
     ArduPilot falls silent when its estimator gives up, PX4 runs away.
     """
-    gave_up = pilot.autopilot_id == mav.MAV_AUTOPILOT_ARDUPILOTMEGA and pilot.drift.speed
+    gave_up = pilot.autopilot_id == mav.MAV_AUTOPILOT_ARDUPILOTMEGA and pilot.gps.drift.speed
     if not pilot.origin_set or gave_up:
         return None
-    body, drift = pilot.body, pilot.drift
+    body, drift = pilot.body, pilot.gps.drift
     place = (body.north, body.east + drift.east, body.down)
     return mav.MAVLink_local_position_ned_message(
-        pilot.boot_ms, *place, body.vn, body.ve + drift.speed, body.vd
+        pilot.uptime.ms, *place, body.vn, body.ve + drift.speed, body.vd
     )
 
 
@@ -122,7 +122,7 @@ def attitude(pilot: Autopilot) -> object:
     """ATTITUDE: roll, pitch, yaw in radians."""
     body = pilot.body
     return mav.MAVLink_attitude_message(
-        pilot.boot_ms, body.roll, body.pitch, _signed(body.heading), 0.0, 0.0, body.turn_rate
+        pilot.uptime.ms, body.roll, body.pitch, _signed(body.heading), 0.0, 0.0, body.turn_rate
     )
 
 
@@ -133,7 +133,7 @@ def attitude_quaternion(pilot: Autopilot) -> object:
     cp, sp = math.cos(body.pitch / 2), math.sin(body.pitch / 2)
     cy, sy = math.cos(_signed(body.heading) / 2), math.sin(_signed(body.heading) / 2)
     return mav.MAVLink_attitude_quaternion_message(
-        pilot.boot_ms,
+        pilot.uptime.ms,
         cr * cp * cy + sr * sp * sy,
         sr * cp * cy - cr * sp * sy,
         cr * sp * cy + sr * cp * sy,
@@ -198,7 +198,7 @@ def home_position(pilot: Autopilot) -> object:
         0.0,
         0.0,
         0.0,
-        pilot.boot_us,
+        pilot.uptime.us,
     )
 
 
@@ -214,7 +214,7 @@ def ekf_status_report(pilot: Autopilot) -> object:
     """EKF_STATUS_REPORT (ArduPilot only): 0x33f with a position, 0xa7 without."""
     if pilot.autopilot_id != mav.MAV_AUTOPILOT_ARDUPILOTMEGA:
         return None
-    flags = pilot.drift.flags(pilot.without_gps, usable=pilot.has_position)
+    flags = pilot.gps.drift.flags(pilot.gps.lost_for, usable=pilot.has_position)
     return mav.MAVLink_ekf_status_report_message(flags, 0.01, 0.01, 0.01, 0.01, 0.0)
 
 
@@ -222,14 +222,16 @@ def estimator_status(pilot: Autopilot) -> object:
     """ESTIMATOR_STATUS (PX4 only)."""
     if pilot.autopilot_id != mav.MAV_AUTOPILOT_PX4:
         return None
-    flags = pilot.drift.flags(pilot.without_gps, usable=pilot.has_position)
-    return mav.MAVLink_estimator_status_message(pilot.boot_us, flags, 0.1, 0.1, 0.1, 0.1, 0.0, 0.0, 0.3, 0.3)
+    flags = pilot.gps.drift.flags(pilot.gps.lost_for, usable=pilot.has_position)
+    return mav.MAVLink_estimator_status_message(
+        pilot.uptime.us, flags, 0.1, 0.1, 0.1, 0.1, 0.0, 0.0, 0.3, 0.3
+    )
 
 
 def system_time(pilot: Autopilot) -> object:
     """SYSTEM_TIME: Unix time is 0 before satellites tell it."""
-    unix = int(pilot.unix_time * 1e6) if pilot.gps_fix else 0
-    return mav.MAVLink_system_time_message(unix, pilot.boot_ms)
+    unix = int(pilot.uptime.unix * 1e6) if pilot.gps.fix else 0
+    return mav.MAVLink_system_time_message(unix, pilot.uptime.ms)
 
 
 def autopilot_version(pilot: Autopilot) -> object:
@@ -246,7 +248,7 @@ def gps_global_origin(pilot: Autopilot) -> object:
         return None
     latitude, longitude, altitude = pilot.place
     return mav.MAVLink_gps_global_origin_message(
-        int(latitude * 1e7), int(longitude * 1e7), int(altitude * 1000), pilot.boot_us
+        int(latitude * 1e7), int(longitude * 1e7), int(altitude * 1000), pilot.uptime.us
     )
 
 
@@ -259,7 +261,7 @@ def _thrust(pilot: Autopilot) -> float:
 def raw_imu(pilot: Autopilot) -> object:
     """RAW_IMU as ArduPilot fills it (thousandths of g and of rad/s); PX4 is not asked for it."""
     accel, turn = round(-1000 * _thrust(pilot) / GRAVITY), round(1000 * pilot.body.turn_rate)
-    return mav.MAVLink_raw_imu_message(pilot.boot_us, 0, 0, accel, 0, 0, turn, 224, 80, -528)
+    return mav.MAVLink_raw_imu_message(pilot.uptime.us, 0, 0, accel, 0, 0, turn, 224, 80, -528)
 
 
 def highres_imu(pilot: Autopilot) -> object:
@@ -268,7 +270,7 @@ def highres_imu(pilot: Autopilot) -> object:
         return None
     motion = (0.0, 0.0, -_thrust(pilot), 0.0, 0.0, pilot.body.turn_rate)
     return mav.MAVLink_highres_imu_message(
-        pilot.boot_us, *motion, 0.2, 0.1, -0.5, 956.0, 0.0, 488.0, 25.0, 0x1FFF
+        pilot.uptime.us, *motion, 0.2, 0.1, -0.5, 956.0, 0.0, 488.0, 25.0, 0x1FFF
     )
 
 
@@ -290,7 +292,7 @@ def position_target(pilot: Autopilot) -> object:
         return None
     latitude, longitude, altitude = target
     return mav.MAVLink_position_target_global_int_message(
-        pilot.boot_ms, 0, 0xFDF8, int(latitude * 1e7), int(longitude * 1e7), altitude, *([0.0] * 8)
+        pilot.uptime.ms, 0, 0xFDF8, int(latitude * 1e7), int(longitude * 1e7), altitude, *([0.0] * 8)
     )
 
 

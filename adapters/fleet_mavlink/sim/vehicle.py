@@ -238,7 +238,7 @@ def _data_stream(pilot: Autopilot, message: Any) -> None:
 
 def _timesync(pilot: Autopilot, message: Any) -> Iterable[object]:
     """Answer a request (tc1 = 0) with the time since boot in nanoseconds."""
-    return [] if message.tc1 else [mav.MAVLink_timesync_message(pilot.boot_us * 1000, message.ts1)]
+    return [] if message.tc1 else [mav.MAVLink_timesync_message(pilot.uptime.us * 1000, message.ts1)]
 
 
 def _ping(_pilot: Autopilot, message: Any) -> Iterable[object]:

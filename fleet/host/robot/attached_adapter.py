@@ -1,4 +1,4 @@
-"""The adapter of one robot's present run, and whether the robot answers through it."""
+"""The adapter of one robot's current run, and whether the robot can be reached through it."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from fleet.runtime.exception_barrier import call_guarded
 
 
 class AttachedAdapter:
-    """The robot's present adapter, if any, and whether the robot can be reached through it."""
+    """The current adapter of a robot, if any, and the reachability of the robot."""
 
     def __init__(self, name: str) -> None:
         self.name = name
@@ -19,15 +19,15 @@ class AttachedAdapter:
         self._answered = False  # since the adapter's run began
 
     def attach(self, adapter: Adapter[Any]) -> None:
-        """Use the adapter of a new run; the robot has not answered through it yet."""
+        """Attach the adapter of a new run, through which the robot has not answered yet."""
         self.adapter, self._answered = adapter, False
 
     def detach(self) -> None:
-        """Remove the adapter, at the end of its run."""
+        """Detach the adapter at the end of its run."""
         self.adapter = None
 
     def answers(self) -> None:
-        """Record that the robot answers: it accepts requests from now on."""
+        """Note that the robot answers: it can be reached from now on."""
         self.offline, self._answered = "", True
 
     @property
@@ -37,11 +37,11 @@ class AttachedAdapter:
 
     @property
     def absence(self) -> str:
-        """Why the robot cannot be reached, as an answer."""
+        """The refusal of a request while the robot cannot be reached."""
         return f"{self.name} is offline: {self.offline or 'its adapter is being restarted'}"
 
     def halt(self, *, emergency: bool = False) -> None:
-        """Make the adapter write its halt at once; from any thread; never raises."""
+        """Have the adapter write its halt at once; from any thread; never raises."""
         adapter = self.adapter
         try:
             if adapter is not None:
@@ -51,7 +51,7 @@ class AttachedAdapter:
 
     @property
     def halt_outcome(self) -> str:
-        """Outcome of the halt of an unreachable robot, as text."""
+        """The probable effect of a halt on a robot that cannot be reached, for the answer to a stop."""
         if self.adapter is None:
             return "the stop was not written: no link to it is open"
         if not self._answered:

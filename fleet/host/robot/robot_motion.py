@@ -1,4 +1,4 @@
-"""Motion of one robot that this edge causes: its start, its end, and the stop of the robot."""
+"""The motion of one robot that this edge causes: its start, its end, and bringing the robot to a stop."""
 
 from __future__ import annotations
 
@@ -20,11 +20,11 @@ from fleet.model.report import NavigationReport
 
 
 class RobotMotion:
-    """All motion of one robot that this edge causes.
+    """Starts and ends all motion of one robot that this edge causes.
 
     ``driving`` holds velocities and joint targets, ``executor`` runs commands, ``navigator`` runs actions.
-    ``in_control``: this edge has moved the robot, and no other party has taken it since.
-    ``may_be_moving``: this edge moved it when it was lost, and it may still be moving.
+    ``in_control``: this edge moved the robot last, and has not lost control since.
+    ``may_be_moving``: the robot was lost while this edge moved it, and may still move.
     """
 
     def __init__(
@@ -59,45 +59,45 @@ class RobotMotion:
 
     @property
     def activity(self) -> str:
-        """Short text about the robot's activity; empty without any."""
+        """The current activity in a word or two; empty when idle."""
         return self.navigator.activity or self.executor.moving or self.driving.activity
 
     @property
     def under_way(self) -> bool:
-        """True while the robot moves, or may move, because of this edge."""
+        """True while the robot moves, or may move, because of a request to this edge."""
         return bool(self.driving.activity or self.executor.moving or self.navigator.active)
 
     def begin(self, ask: Ask) -> None:
-        """Record the request for which the robot moves from now on; it is under our control."""
+        """Note that a request moves the robot from now on: this edge is in control."""
         self.in_control, self._stop_unconfirmed = True, False
         self._event_reporter.moves(ask)
 
     def end_driving(self, adapter: Adapter[Any]) -> None:
-        """End a velocity, or the rest of one with an expired lease, before the robot moves in another way."""
+        """End a held velocity, also one whose lease has just expired, before another kind of motion."""
         self.driving.joints.end()
         if not self._guard.held.is_zero:
             self.driving.stand(adapter)
 
     def cancel(self, stop: str) -> None:
-        """Cancel all motion because of this stop; ``stand`` follows."""
+        """Cancel all running motion because of the stop of this name; ``stand`` follows."""
         self.executor.cancel(f"superseded by {stop}")
         self.navigator.cancel(f"stopped by {stop}")
         self.driving.let_go()
 
     def fail(self, why: str) -> None:
-        """End all motion as failed; this does not stop the robot itself."""
+        """End all running motion as failed; the robot itself is not stopped here."""
         self._event_reporter.ended()
         self.driving.let_go()
         self.executor.cancel(why)
         self.navigator.fail(why)
 
     def lost(self) -> None:
-        """Record whether the robot may keep moving while it is out of reach, where nothing can stop it."""
+        """Note that the robot is out of reach: whether it may go on moving, since nothing can stop it now."""
         moving = self.under_way or self.executor.stopping or self._stop_unconfirmed
         self.may_be_moving = moving and not self.executor.safe
 
     def found(self) -> None:
-        """Stop a robot that was lost in motion and is back: it may still be moving."""
+        """Stop a robot that is back after it was lost in motion: it may still be moving."""
         if self.may_be_moving:
             self.may_be_moving = False
             self.settle_later("it was lost while it moved", anyway=True)
@@ -109,10 +109,10 @@ class RobotMotion:
         if adapter is not None and not self.under_way:
             self.driving.stand(adapter)
 
-    # -- standstill ----------------------------------------------------------------------------------
+    # -- to a standstill -----------------------------------------------------------------------------
 
     async def hold(self, why: str) -> None:
-        """Bring the robot to a standstill in time, or halt it; raises CommandError, LinkError, a crash."""
+        """Stop the robot in time, or halt it; raises CommandError, LinkError, or what the adapter raised."""
         self.driving.let_go()
         adapter = self._attached.adapter
         if adapter is None:
@@ -123,26 +123,23 @@ class RobotMotion:
         self._stop_unconfirmed = False
 
     def stand(self, why: str, receipt: Receipt) -> None:
-        """Bring the robot to a standstill, then answer; later moving requests wait for that."""
+        """Stop the robot, and answer once it stands; later moving requests wait for that."""
         self.executor.stop(self._hold_and_answer(why, receipt), why)
 
     async def _hold_and_answer(self, why: str, receipt: Receipt) -> None:
-        """Bring the robot to a standstill, and answer."""
+        """Stop the robot, and answer."""
 
-        def absence() -> str:  # evaluated at standstill: adapters do not report a lost link
+        def absence() -> str:  # evaluated once the robot stands: adapters do not report a lost link
             return self._attached.absence if self._attached.offline else ""
 
         await answer_stop(self.hold(why), receipt, absence=absence, crashed=self._crashed)
 
     def settle_later(self, why: str, *, anyway: bool = False) -> None:
-        """Start ``settle`` as a stop; later moving requests wait for its end."""
+        """Begin to ``settle``; later moving requests wait for its end."""
         self.executor.stop(self.settle(why, anyway=anyway), "stop")
 
     async def settle(self, why: str, *, anyway: bool = False) -> None:
-        """Bring the robot to a standstill after a failure, without a request.
-
-        A robot that is not under our control is left alone, unless ``anyway``.
-        """
+        """Stop the robot by ourselves, after a failure; without control over it only with ``anyway``."""
         if anyway or self.in_control:
             self._event_reporter.log.warning("%s: it is brought to a standstill", why)
             await self._hold_and_answer(why, Receipt("stop", lambda _: None))

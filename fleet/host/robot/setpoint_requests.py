@@ -1,4 +1,4 @@
-"""Motion streams of one robot: velocities and joint targets, admitted and passed to their control."""
+"""Requests of one robot's setpoint streams: velocities and joint targets."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from fleet.model.command import JointSetpoint, Setpoint
 
 
 class SetpointRequests:
-    """Handles the setpoints of one robot; ``can`` has its present capabilities."""
+    """Admits the setpoints of one robot and executes them; ``can`` returns its capabilities now."""
 
     def __init__(
         self,
@@ -34,7 +34,7 @@ class SetpointRequests:
         self._last = last
 
     def velocity(self, ask: Setpoint, receipt: Receipt) -> None:
-        """Handle a velocity: the newest wins at once; a late zero only ends motion."""
+        """Take a velocity: the newest wins, at once. A late zero only ends motion."""
         untimely = self._admission.is_untimely_zero(ask)
         judge = self._admission.untimely_zero if untimely else self._admission.setpoint
         adapter = self._adapter_for(self._can().refusal(ask.velocity) or judge(ask), receipt)
@@ -42,7 +42,7 @@ class SetpointRequests:
             return
         motion = self._motion
         if untimely:
-            if motion.under_way:  # end it, with all keys; a standing robot gets nothing
+            if motion.under_way:  # end it, held keys included; a standing robot gets no command
                 motion.navigator.cancel("teleoperation took over")
                 motion.driving.stand(adapter)
             receipt.done()
@@ -54,7 +54,7 @@ class SetpointRequests:
             self._last.accepted(ask.name)
 
     def joints(self, ask: JointSetpoint, receipt: Receipt) -> None:
-        """Handle joint targets: each joint holds its newest one until the lease ends."""
+        """Take joint targets: each joint follows its newest one until the lease expires."""
         adapter = self._adapter_for(self._can().joint_refusal or self._admission.joints(ask), receipt)
         if adapter is not None:
             self._motion.begin(ask)
@@ -62,7 +62,7 @@ class SetpointRequests:
                 self._last.accepted(ask.name)
 
     def _adapter_for(self, refusal: str | None, receipt: Receipt) -> Adapter[Any] | None:
-        """Return the adapter for a setpoint; None if it is refused, for this or another reason."""
+        """Return the adapter for a setpoint; None after rejecting it, for ``refusal`` or another reason."""
         moving, adapter = self._motion.executor.moving, self._attached.reachable
         if refusal is None and moving:
             refusal = f"busy with {moving}; send stop first"

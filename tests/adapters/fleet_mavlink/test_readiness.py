@@ -114,7 +114,9 @@ def test_a_refusal_that_the_checks_would_find_again_is_over_when_they_do_not(fly
             await it.until(lambda: it.robot.is_connected and it.state.prearm_ok is not None)
             with pytest.raises(Refused, match="Arm: Need Position Estimate"):
                 await it.do("arm")
-            assert not (await it.do("check_ready"))["ready"]
+            answer = await it.do("check_ready")
+            assert own_of(answer) == ["PreArm: Need Position Estimate"]
+            assert not answer["ready"]
             it.sim.set_fault("not_ready", None)
             await asyncio.sleep(3.0)
             assert (await it.do("check_ready"))["ready"]

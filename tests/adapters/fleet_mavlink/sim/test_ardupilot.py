@@ -293,7 +293,7 @@ def test_a_reboot_forgets_the_rates_and_keeps_the_parameters(ap):
     ap.run(5)
     assert not ap.said("ATTITUDE")
     assert ap.pilot.params["RTL_ALT"] == 2000
-    assert ap.pilot.boot_ms < 4200
+    assert ap.pilot.uptime.ms < 4200
 
 
 def test_calibration_tells_progress_before_the_result(ap):
