@@ -53,6 +53,7 @@ class Flavour(VehicleKind):
     mission: ClassVar[str]  # flies the mission in its memory
     home_is_first: ClassVar[bool]  # item 0 of a mission is home
     rewind: ClassVar[CommandLong | None]  # before a start, where that goes on at the item that was left last
+    lands_once: ClassVar[str] = ""  # says that it does not arm after a planned landing before that is rewound
     repeats_reached: ClassVar[bool]  # tells again and again which item was reached last
     unset: ClassVar[float]  # a parameter of an item that is left to the autopilot
     lead_in: ClassVar[float]  # s of setpoints before it takes the external mode
